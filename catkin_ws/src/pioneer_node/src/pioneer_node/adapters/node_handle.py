@@ -110,7 +110,7 @@ class Publisher:
 
     def reaches(self, node: str) -> bool:
         """Returns whether ``node`` is connected as a subscriber."""
-        return node in self._publication.subscriber_names
+        return node in self._publication.subscribers.values()
 
 
 class Ticker:

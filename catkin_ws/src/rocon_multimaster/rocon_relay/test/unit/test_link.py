@@ -3,7 +3,7 @@ import dataclasses
 import pytest
 
 from rocon_relay.core.connection import ANY, LinkState, is_proxy_uri, proxy_name, proxy_uri
-from rocon_relay.core.link import Hello, LinkError, Refusal, is_proof, mismatch, proof, state_from_field
+from rocon_relay.core.link import Hello, LinkError, is_proof, mismatch, proof, state_from_field
 from rocon_relay.core.option import LinkOptions
 from tcpros.core.header import header_bytes, header_fields
 
@@ -49,7 +49,6 @@ def test_types_and_sums_agree_unless_both_are_said_and_differ():
 def test_an_unknown_state_counts_as_refused():
     assert state_from_field("type mismatch") is LinkState.TYPE_MISMATCH
     assert state_from_field("melted") is LinkState.REFUSED
-    assert Refusal(LinkState.REFUSED, "no").fields()["error"] == "no"
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ class FakeReceiver:
     def pressure(self):
         return self
 
-    direct = pressure
+    takes_directly = True
 
     @property
     def is_full(self):

@@ -5,7 +5,7 @@ import struct
 
 import pytest
 
-from tcpros.core.service_call import Conversation, ServiceCallError
+from tcpros.core.service_call import CallTotals, Conversation, ServiceCallError
 
 
 def request(body: bytes) -> bytes:
@@ -26,7 +26,8 @@ def cut(data: bytes, generator: random.Random) -> list[memoryview]:
 def test_calls_are_counted_however_they_are_cut(seed: int) -> None:
     generator = random.Random(seed)
     sizes = [generator.choice((0, 1, 3, 4, 5, 300)) for _ in range(6)]
-    conversation = Conversation(300)
+    totals = CallTotals()
+    conversation = Conversation(300, totals)
     for number, size in enumerate(sizes):
         assert not conversation.is_waiting
         for piece in cut(request(bytes(size)), generator):
@@ -34,12 +35,12 @@ def test_calls_are_counted_however_they_are_cut(seed: int) -> None:
         assert conversation.is_waiting
         for piece in cut(response(bytes(size), bool(size % 2)), generator):
             conversation.response(piece)
-        assert conversation.calls == number + 1
-    assert conversation.bytes == sum(4 + 5 + 2 * size for size in sizes)
+        assert totals.calls == number + 1
+    assert totals.bytes == sum(4 + 5 + 2 * size for size in sizes)
 
 
 def test_who_waits_for_a_whole_response_gets_an_error_as_one() -> None:
-    conversation = Conversation(100)
+    conversation = Conversation(100, CallTotals())
     assert conversation.error("gone") == b""
     conversation.request(memoryview(request(b"abc"))[:2])
     assert conversation.error("gone") == response(b"gone", good=False)
@@ -53,6 +54,6 @@ def test_who_waits_for_a_whole_response_gets_an_error_as_one() -> None:
 
 def test_more_than_is_allowed_is_an_error_at_its_length() -> None:
     with pytest.raises(ServiceCallError, match="101 bytes are more than 100"):
-        Conversation(100).request(memoryview(struct.pack("<I", 101)))
+        Conversation(100, CallTotals()).request(memoryview(struct.pack("<I", 101)))
     with pytest.raises(ServiceCallError):
-        Conversation(100).response(memoryview(b"\x01" + struct.pack("<I", 101)))
+        Conversation(100, CallTotals()).response(memoryview(b"\x01" + struct.pack("<I", 101)))

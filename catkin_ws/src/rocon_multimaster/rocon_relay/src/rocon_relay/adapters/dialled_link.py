@@ -1,15 +1,12 @@
 """The import side of a link: the outgoing connection to the exporting relay."""
 
-import secrets
 import time
 from typing import Protocol
 
 from rocon_relay.adapters.context import Context
-from rocon_relay.core.connection import ANY, Address, LinkState, Subject
+from rocon_relay.core.connection import Address, LinkState
 from rocon_relay.core.link import VERSION, Hello, LinkError, is_proof, proof, state_from_field
-from tcpros.adapters.channel import dialled_socket, watch_liveness
-from tcpros.adapters.stream import Stream
-from tcpros.core.fanout import Fanout
+from tcpros.adapters.dialled_stream import DialledStream, watch_liveness
 from tcpros.core.frame import LENGTH_SIZE, control_frame, is_control
 from tcpros.core.header import header_bytes, header_parser
 
@@ -17,40 +14,27 @@ from tcpros.core.header import header_bytes, header_parser
 class LinkOwner(Protocol):
     """Receives the events of a link."""
 
-    def link_up(self) -> None:
-        """Called when the far relay has accepted the link."""
+    def link_up(self, fields: dict[str, str]) -> None:
+        """Called with the far relay's welcome."""
 
     def link_lost(self, state: LinkState, reason: str) -> None:
         """Called once when the link has been closed."""
 
 
 class TopicOwner(LinkOwner, Protocol):
-    """Receives the events and data of a topic's link."""
-
-    def inlet(self, fields: dict[str, str]) -> Fanout:
-        """Returns the fan-out for the messages of a link whose welcome has these fields."""
+    """Receives the events of a topic's link."""
 
     def told(self, fields: dict[str, str]) -> None:
         """Called with the fields of each received control frame."""
 
 
-def hello_to(
-    context: Context, gateway: str, subject: Subject, name: str, node: str, type_: str = ANY, md5sum: str = ANY
-) -> Hello:
-    """Returns the hello for the relay of `gateway`."""
-    own, keyring = context.config.gateway, context.config.keyring
-    keys = keyring.names() if keyring else ()
-    return Hello(name, type_, md5sum, node, gateway, own, (own,), secrets.token_hex(16), subject, keys)
-
-
-class DialledLink(Stream):
+class DialledLink(DialledStream):
     """One connection attempt, which becomes the link if it succeeds."""
 
     def __init__(self, context: Context, owner: LinkOwner, address: Address, hello: Hello) -> None:
-        sock = dialled_socket()
         peer = f"{hello.source_gateway} at {address.host}:{address.port}"
-        super().__init__(context.reactor, sock, peer, context.tls.dialled(sock) if context.tls else None)
-        watch_liveness(sock)
+        super().__init__(context.reactor, peer, header_bytes(hello.fields()), context.tls)
+        watch_liveness(self._socket)
         self._context = context
         self._owner = owner
         self._hello = hello
@@ -59,14 +43,10 @@ class DialledLink(Stream):
         self._timer = context.reactor.call_later(context.config.handshake_timeout, self._too_late)
         self.parse = header_parser(self._take_answer)
 
-    def connected(self) -> None:
-        """Sends the hello."""
-        self.send(header_bytes(self._hello.fields()))
-
-    def accepted(self, _fields: dict[str, str]) -> None:
-        """Called with the far relay's welcome; sets the parser for the data that follows."""
-        self.parse = self._parse_nothing
-        self._owner.link_up()
+    def accepted(self, fields: dict[str, str]) -> None:
+        """Called with the far relay's welcome."""
+        self.parse = self._parse_more
+        self._owner.link_up(fields)
 
     def closed(self, reason: str) -> None:
         """Reports the lost link to its owner."""
@@ -106,7 +86,8 @@ class DialledLink(Stream):
         self._expected = proof(found[1], "source", hello, challenge)
         self.send(header_bytes({"relay": VERSION, "proof": proof(found[1], "sink", hello, challenge)}))
 
-    def _parse_nothing(self, data: memoryview) -> int:
+    def _parse_more(self, data: memoryview) -> int:
+        """Parses the data that follows the welcome."""
         raise LinkError("it sends what was not asked for")
 
 
@@ -129,13 +110,19 @@ class TopicLink(DialledLink):
         """Whether the far relay has accepted the link."""
         return self.fanout is not None
 
-    def ping(self, last: float) -> None:
-        """Starts a round-trip measurement unless one is still in progress.
+    def ping(self, last: float, measures: bool = True) -> None:
+        """Asks the far relay to answer, unless an answer is still due.
 
         Args:
             last: the previous round-trip time, reported to the far relay [s].
+            measures: whether the round trip is recorded.
         """
-        self._ask(last, measures=True)
+        if self._awaits_pong:
+            return
+        self._awaits_pong, self._measures = True, measures
+        self._pings += 1
+        self._pinged = time.monotonic()
+        self.send(control_frame(op="ping", token=str(self._pings), last=f"{last:.6f}"))
 
     def watch(self, late: bool) -> None:
         """Sends a heartbeat if the link is silent, and closes the link if it stays silent.
@@ -151,23 +138,9 @@ class TopicLink(DialledLink):
         elif now - self._heard[1] >= self._context.config.silence:
             self.close(f"nothing has come for {now - self._heard[1]:.0f} s, though it was asked to answer")
         else:
-            self._ask(0.0, measures=False)
+            self.ping(0.0, measures=False)
 
-    def _ask(self, last: float, measures: bool) -> None:
-        if self._awaits_pong:
-            return
-        self._awaits_pong, self._measures = True, measures
-        self._pings += 1
-        self._pinged = time.monotonic()
-        self.send(control_frame(op="ping", token=str(self._pings), last=f"{last:.6f}"))
-
-    def accepted(self, fields: dict[str, str]) -> None:
-        """Handles the welcome."""
-        self.fanout = self._topic_owner.inlet(fields)
-        self.parse = self._parse_frames
-        self._topic_owner.link_up()
-
-    def _parse_frames(self, data: memoryview) -> int:
+    def _parse_more(self, data: memoryview) -> int:
         assert self.fanout is not None
         return self.fanout.feed(data) or self._parse_control(data)
 

@@ -5,7 +5,7 @@ import socket
 from collections.abc import Mapping
 from typing import Protocol
 
-from rocon_relay.adapters.context import Context, Tenant
+from rocon_relay.adapters.context import Context
 from rocon_relay.adapters.sieve import Sieve
 from rocon_relay.adapters.subscription import Subscription
 from rocon_relay.core.connection import ANY, Export, LinkState, LinkStatus
@@ -14,14 +14,14 @@ from rocon_relay.core.link import (
     AskError,
     Hello,
     LinkError,
-    Refusal,
     is_proof,
     mismatch,
     proof,
     seconds_from_field,
 )
 from rocon_relay.core.option import NO_OPTIONS
-from tcpros.adapters.channel import watch_liveness
+from tcpros.adapters.dialled_stream import watch_liveness
+from tcpros.adapters.node_port import Ended
 from tcpros.adapters.reactor import Timer
 from tcpros.adapters.stream import Stream
 from tcpros.adapters.tls import VARIABLE
@@ -75,7 +75,7 @@ class ExportEnd(Stream):
         self._demand = ""
         self._leaving = False
         self._subscription: Subscription | None = None
-        self._tenant: Tenant | None = None
+        self._ended: Ended | None = None
         self._messages = 0
         self._bytes = 0
         self._state = LinkState.ACTIVE
@@ -122,10 +122,10 @@ class ExportEnd(Stream):
         self.welcome({key: value for key, value in self._options.fields().items() if key in ("rate", "compress")})
         self._context.changed()
 
-    def serve(self, tenant: Tenant) -> None:
-        """Hands the link over to `tenant`; for links that do not carry a topic."""
+    def serve(self, ended: Ended) -> None:
+        """Hands over a link that does not carry a topic; `ended` is called when it has been closed."""
         self.timer.cancel()
-        self._tenant = tenant
+        self._ended = ended
 
     def welcome(self, fields: Mapping[str, str]) -> None:
         """Sends the welcome. It includes our proof of fleet membership if the sink has given its own."""
@@ -136,7 +136,7 @@ class ExportEnd(Stream):
     def refuse(self, state: LinkState, reason: str) -> None:
         """Refuses the link and closes it."""
         self.timer.cancel()
-        self.finish(header_bytes(Refusal(state, reason).fields()))
+        self.finish(header_bytes({"relay": VERSION, "error": reason, "state": state}))
 
     def source_found(self, header: Mapping[str, str]) -> bool:
         """Compares the publisher's type with the requested one and starts forwarding."""
@@ -182,8 +182,8 @@ class ExportEnd(Stream):
             self._context.logger.warning("link from %s: %s", self.peer, reason)
         if self._subscription is not None:
             self._subscription.remove(self)
-        if self._tenant is not None:
-            self._tenant.ended(reason)
+        if self._ended is not None:
+            self._ended(reason)
         self._exporter.ended(self)
         if self.export is not None:
             self._context.changed()

@@ -2,15 +2,17 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from rocon_relay.adapters.context import Context
-from rocon_relay.adapters.dialled_link import TopicLink, hello_to
-from rocon_relay.adapters.proxy_topic import ProxyTopic
-from rocon_relay.adapters.registration import Nodes
+from rocon_relay.adapters.dialled_link import TopicLink
+from rocon_relay.adapters.proxy_node import ProxyNode, ProxyNodes
 from rocon_relay.adapters.sieve import Inflater
 from rocon_relay.adapters.standing_import import StandingImport
-from rocon_relay.core.connection import ANY, Import, LinkState, LinkStatus, Subject
-from rocon_relay.core.link import limit_from_fields, mismatch, state_from_field
+from rocon_relay.core.connection import ANY, Import, LinkState, LinkStatus
+from rocon_relay.core.link import Hello, limit_from_fields, mismatch, state_from_field
+from rocon_relay.core.pattern import matches_whole
+from tcpros.adapters.node_port import Ended, RefusedError
 from tcpros.adapters.stream import Stream
 from tcpros.core.fanout import Fanout
 from tcpros.core.frame import control_frame
@@ -18,16 +20,18 @@ from tcpros.core.header import header_bytes
 
 
 class ImportEnd(StandingImport):
-    """One import, from the first connection attempt to the last unregistration.
+    """One import and its proxy's topic, from the first connection attempt to the last unregistration.
 
     Messages are fetched while the proxy has a subscriber. A subscriber's handshake is answered once the publisher's
     connection header is known, so that the subscriber gets the real type, definition and latching.
     """
 
-    def __init__(self, context: Context, nodes: Nodes, wanted: Import, ended: Callable[[], None]) -> None:
-        super().__init__(context, wanted, ended)
+    link_class = TopicLink
+
+    def __init__(self, context: Context, nodes: ProxyNodes, wanted: Import, ended: Callable[[], None]) -> None:
+        super().__init__(context, nodes, wanted, ended)
         self.fanout = Fanout(context.config.max_message_size)
-        self.registration = self.topic = ProxyTopic(context, nodes, self, wanted)
+        self.subscribers: dict[Stream, str] = {}  #: connected subscribers, name by connection
         self._source: dict[str, str] | None = None
         self._told_source: tuple[str, str] | None = None
         self._pending: dict[Stream, Mapping[str, str]] = {}
@@ -38,13 +42,32 @@ class ImportEnd(StandingImport):
         self._saved = 0
         self._limit = ""
 
-    def link(self) -> TopicLink:
-        """Returns a new link to the source gateway."""
+    @property
+    def type(self) -> str:
+        """The message type."""
+        return self.wanted.type
+
+    def hello(self) -> Hello:
+        """Returns the hello of a link for this topic."""
         wanted = self.wanted
-        types = wanted.type, wanted.md5sum
-        hello = hello_to(self._context, wanted.source_gateway, Subject.TOPIC, wanted.topic, wanted.source_node, *types)
-        hello = dataclasses.replace(hello, options=wanted.options)
-        return TopicLink(self._context, self, wanted.address, hello)
+        return dataclasses.replace(super().hello(), type=wanted.type, md5sum=wanted.md5sum, options=wanted.options)
+
+    def offered_by(self, node: ProxyNode) -> dict[str, Any]:
+        """Returns the node's topics."""
+        return node.topics
+
+    def registering(self, node: ProxyNode) -> tuple[str, tuple[str, ...]]:
+        """Returns the master's method and arguments that register it."""
+        return "registerPublisher", (self.wanted.topic, self.wanted.type, node.uri)
+
+    def unregistering(self, node: ProxyNode) -> tuple[str, tuple[str, ...]]:
+        """Returns the master's method and arguments that unregister it."""
+        return "unregisterPublisher", (self.wanted.topic, node.uri)
+
+    def close_users(self) -> None:
+        """Closes the connections of all subscribers."""
+        for subscriber in tuple(self.subscribers):
+            subscriber.close("")
 
     def replace(self, wanted: Import) -> None:
         """Replaces the import by one with the same key but a different address, nodes or options."""
@@ -55,42 +78,38 @@ class ImportEnd(StandingImport):
             self.wanted.options,
         )
         nodes_changed = wanted.allowed_nodes != self.wanted.allowed_nodes
-        self.wanted = self.topic.wanted = wanted
-        self.topic.close_disallowed()
+        self.wanted = wanted
+        for subscriber, name in tuple(self.subscribers.items()):
+            if self.registration.is_serving and self.refusal(name):
+                subscriber.close("")
         if nodes_changed:
             # On a repeated registration, the master notifies all subscribers, so those refused before try again.
-            self.topic.refresh()
+            self.registration.refresh()
         if moved:
             self.redial("its address, type or options have changed")
 
     def status(self) -> LinkStatus:
         """Returns the status of the import."""
-        drops = self._drops + sum(subscriber.backlog.drops for subscriber in self.topic.subscribers)
+        drops = self._drops + sum(subscriber.backlog.drops for subscriber in self.subscribers)
         counted = self.fanout.messages, self.fanout.bytes
         saved = self._saved + (self._inflater.saved if self._inflater else 0)
-        return LinkStatus(self._state, self._reason, len(self.topic.subscribers), *counted, drops, saved=saved)
+        return LinkStatus(self._state, self._reason, len(self.subscribers), *counted, drops, saved=saved)
 
-    def inlet(self, fields: dict[str, str]) -> Fanout:
-        """Returns the fan-out for the frames of a link with this welcome."""
+    @property
+    def running_link(self) -> TopicLink | None:
+        """The link, if it is up."""
+        return self._link if isinstance(self._link, TopicLink) and self._link.fanout is not None else None
+
+    def link_up(self, fields: dict[str, str]) -> None:
+        """Called with the welcome when the link is up."""
+        assert self._link is not None
         self._limit = limit_from_fields(fields)
-        if "compress" not in fields:
-            return self.fanout
-        self._inflater = Inflater(self.fanout, self._context.config.max_message_size)
-        compressed = Fanout(self._context.config.max_message_size)
-        compressed.join(self._inflater)
-        return compressed
-
-    def ping(self, last: float) -> bool:
-        """Measures the round trip to the source gateway, reporting the last one [s]; returns False if no link is up."""
-        if not isinstance(self._link, TopicLink) or not self._link.is_up:
-            return False
-        self._link.ping(last)
-        return True
-
-    def watch(self, late: bool) -> None:
-        """Closes the link if it stays silent; see `dialled_link.TopicLink`."""
-        if isinstance(self._link, TopicLink) and self._link.is_up:
-            self._link.watch(late)
+        self._link.fanout = self.fanout
+        if "compress" in fields:
+            self._inflater = Inflater(self.fanout, self._context.config.max_message_size)
+            self._link.fanout = Fanout(self._context.config.max_message_size)
+            self._link.fanout.join(self._inflater)
+        super().link_up(fields)
 
     def link_lost(self, state: LinkState, reason: str) -> None:
         """Resets the source and schedules the next attempt."""
@@ -112,7 +131,7 @@ class ImportEnd(StandingImport):
     def _source_failed(self, state: LinkState, reason: str) -> None:
         self._set(state, reason)
         if state is LinkState.TYPE_MISMATCH:
-            self.topic.hide()
+            self.registration.hide()
 
     def _source_found(self, fields: dict[str, str]) -> None:
         wrong = mismatch(self.wanted.type, self.wanted.md5sum, fields.get("type", ANY), fields.get("md5sum", ANY))
@@ -120,14 +139,14 @@ class ImportEnd(StandingImport):
             self._source_failed(LinkState.TYPE_MISMATCH, wrong)
             return
         told = fields.get("type", ANY), fields.get("md5sum", ANY)
-        if self._told_source not in (None, told) and self.topic.subscribers:
-            self.topic.hide()  # the subscribers got another definition and have to reconnect
-            self.topic.show()
+        if self._told_source not in (None, told) and self.subscribers:
+            self.registration.hide()  # the subscribers got another definition and have to reconnect
+            self.registration.show()
             return
         self._source = fields
         self.fanout.begin(fields.get("latching") == "1")
         if self._state is LinkState.TYPE_MISMATCH:
-            self.topic.show()
+            self.registration.show()
         elif self._state is LinkState.NO_PUBLISHER:
             self._set_active()
         pending, self._pending = self._pending, {}
@@ -136,7 +155,25 @@ class ImportEnd(StandingImport):
             if refusal:
                 subscriber.finish(header_bytes({"error": refusal}))
 
-    def subscribed(self, subscriber: Stream, fields: Mapping[str, str]) -> str:
+    def refusal(self, name: str) -> str:
+        """Returns why a node of that name may not subscribe, "" if it may."""
+        if not self.registration.is_serving:
+            return f"{self.wanted.topic} is not relayed any more"
+        allowed = self.wanted.allowed_nodes
+        if allowed and not any(matches_whole(pattern, name) for pattern in allowed):
+            whom = " and ".join(allowed)
+            return f"{self.wanted.topic} of {self.wanted.source_gateway} is relayed for {whom} only, not for {name}"
+        return ""
+
+    def admit(self, subscriber: Stream, fields: Mapping[str, str]) -> Ended:
+        """Accepts a subscriber with its connection header. Raises RefusedError."""
+        name = fields.get("callerid", "")
+        if refusal := self.refusal(name) or self._subscribe(subscriber, fields):
+            raise RefusedError(refusal)
+        self.subscribers[subscriber] = name
+        return lambda _reason: self._unsubscribe(subscriber)
+
+    def _subscribe(self, subscriber: Stream, fields: Mapping[str, str]) -> str:
         """Adds a subscriber; returns why it is refused, "" if it is accepted."""
         self._context.bound(subscriber.backlog, self.wanted.options)
         if self._source is not None:
@@ -148,18 +185,18 @@ class ImportEnd(StandingImport):
         self._want(True)
         return ""
 
-    def unsubscribed(self, subscriber: Stream) -> None:
-        """Removes a subscriber."""
+    def _unsubscribe(self, subscriber: Stream) -> None:
+        del self.subscribers[subscriber]
         self._drops += subscriber.backlog.drops
         self._pending.pop(subscriber, None)
         self.fanout.remove(subscriber)
-        if not self.topic.subscribers and self._state is not LinkState.TYPE_MISMATCH:
+        if not self.subscribers and self._state is not LinkState.TYPE_MISMATCH:
             self._want(False)
 
     def shown(self) -> None:
         """Called when the proxy is registered."""
         self._set_active()
-        if not self.topic.subscribers:
+        if not self.subscribers:
             self._want(False)
 
     def _serve(self, subscriber: Stream, fields: Mapping[str, str]) -> str:

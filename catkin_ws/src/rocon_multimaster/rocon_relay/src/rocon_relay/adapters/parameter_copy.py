@@ -6,13 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 from rocon_relay.adapters.context import Context
-from rocon_relay.adapters.dialled_link import DialledLink, hello_to
+from rocon_relay.adapters.dialled_link import DialledLink
 from rocon_relay.adapters.export_end import ExportEnd
-from rocon_relay.adapters.registration import Nodes
+from rocon_relay.adapters.proxy_node import ProxyNodes
 from rocon_relay.adapters.standing_import import DialledImport
-from rocon_relay.core.connection import Address, Export, Import, LinkState, LinkStatus, Subject
+from rocon_relay.core.connection import Address, Export, Import, LinkState, LinkStatus
 from rocon_relay.core.link import Hello, LinkError
-from tcpros.adapters.reactor import Timer
 from tcpros.core.http import NONSENSE
 
 MAX_PARAMETER = 2**20
@@ -71,18 +70,40 @@ class ParameterExportEnd:
         return LinkStatus(LinkState.ACTIVE, "", 0, self._times, self._bytes)
 
 
+class _ParameterLink(DialledLink):
+    """A link that receives one value."""
+
+    def __init__(self, context: Context, owner: "ParameterImportEnd", address: Address, hello: Hello) -> None:
+        super().__init__(context, owner, address, hello)
+        self._import = owner
+        self._received = bytearray()
+
+    def accepted(self, fields: dict[str, str]) -> None:
+        """Handles the welcome."""
+        super().accepted(fields)
+        self._timer = self._reactor.call_later(self._context.config.handshake_timeout, self._too_late)
+
+    def _parse_more(self, data: memoryview) -> int:
+        self._received += data
+        if len(self._received) >= _LENGTH.size:
+            size = _LENGTH.unpack_from(self._received)[0]
+            if size > MAX_PARAMETER:
+                raise LinkError(f"a parameter of {size} bytes is longer than {MAX_PARAMETER}")
+            if len(self._received) >= _LENGTH.size + size:
+                self._import.received(bytes(self._received[_LENGTH.size : _LENGTH.size + size]))
+                self.close("")
+        return len(data)
+
+
 class ParameterImportEnd(DialledImport):
     """One parameter to copy. Requests it until it has arrived; copies it again only if our master has lost it."""
 
-    def __init__(self, context: Context, _nodes: Nodes, wanted: Import, ended: Callable[[], None]) -> None:
+    link_class = _ParameterLink
+
+    def __init__(self, context: Context, _nodes: ProxyNodes, wanted: Import, ended: Callable[[], None]) -> None:
         super().__init__(context, wanted, ended)
         self._is_copied = False
         self._size = 0
-
-    def link(self) -> DialledLink:
-        """Returns a new link to the source gateway."""
-        hello = hello_to(self._context, self.wanted.source_gateway, Subject.PARAMETER, self.wanted.topic, "")
-        return _ParameterLink(self._context, self, self.wanted.address, hello)
 
     def replace(self, wanted: Import) -> None:
         """Replaces the import by one with the same key; the next attempt uses its address."""
@@ -104,9 +125,6 @@ class ParameterImportEnd(DialledImport):
     def status(self) -> LinkStatus:
         """Returns the status of the import."""
         return LinkStatus(self._state, self._reason, 0, int(self._size > 0), self._size)
-
-    def link_up(self) -> None:
-        """Does nothing: `received` follows."""
 
     def link_lost(self, state: LinkState, reason: str) -> None:
         """Schedules the next attempt unless the value has been copied."""
@@ -133,35 +151,3 @@ class ParameterImportEnd(DialledImport):
 
         arguments = (self._context.config.node, self.wanted.topic, value)
         self._context.master.call("setParam", arguments, copied, failed)
-
-
-class _ParameterLink(DialledLink):
-    """A link that receives one value."""
-
-    def __init__(self, context: Context, owner: ParameterImportEnd, address: Address, hello: Hello) -> None:
-        super().__init__(context, owner, address, hello)
-        self._import = owner
-        self._received = bytearray()
-        self._late: Timer | None = None
-
-    def accepted(self, _fields: dict[str, str]) -> None:
-        """Handles the welcome."""
-        self.parse = self._parse_value
-        self._late = self._context.reactor.call_later(self._context.config.handshake_timeout, self._too_late)
-
-    def closed(self, reason: str) -> None:
-        """Reports a link that closed before the whole value had arrived."""
-        if self._late is not None:
-            self._late.cancel()
-        super().closed(reason)
-
-    def _parse_value(self, data: memoryview) -> int:
-        self._received += data
-        if len(self._received) >= _LENGTH.size:
-            size = _LENGTH.unpack_from(self._received)[0]
-            if size > MAX_PARAMETER:
-                raise LinkError(f"a parameter of {size} bytes is longer than {MAX_PARAMETER}")
-            if len(self._received) >= _LENGTH.size + size:
-                self._import.received(bytes(self._received[_LENGTH.size : _LENGTH.size + size]))
-                self.close("")
-        return len(data)

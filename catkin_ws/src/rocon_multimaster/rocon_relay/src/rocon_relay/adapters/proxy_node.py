@@ -1,13 +1,8 @@
 """Proxy nodes. Each has its own port, where it serves the slave API, subscribers and service clients."""
 
 from rocon_relay.adapters.context import Context
-from rocon_relay.adapters.proxy_service import ProxyService
-from rocon_relay.adapters.proxy_topic import ProxyTopic
-from rocon_relay.adapters.registration import Registration
 from rocon_relay.core.connection import proxy_uri
-from tcpros.adapters.node_port import Ended, NodePort, RefusedError
-from tcpros.adapters.slave_api import NodeFace, SlaveApi
-from tcpros.adapters.stream import Stream
+from tcpros.adapters.node_port import NodePort, Offered, Topic
 
 
 class ProxyNodes:
@@ -17,27 +12,15 @@ class ProxyNodes:
         self._context = context
         self._nodes: dict[str, ProxyNode] = {}
 
-    def open(self, shown: Registration) -> "ProxyNode":
-        """Returns the node that offers `shown`, new or existing."""
-        node = self._nodes.get(shown.proxy)
-        if node is None:
-            node = self._nodes[shown.proxy] = ProxyNode(self._context, shown.proxy)
-        if isinstance(shown, ProxyTopic):
-            node.topics[shown.wanted.topic] = shown
-        elif isinstance(shown, ProxyService):
-            node.services[shown.wanted.topic] = shown
-        return node
+    def open(self, name: str) -> "ProxyNode":
+        """Returns the node of that name, new or existing. Raises OSError if its port cannot be opened."""
+        if name not in self._nodes:
+            self._nodes[name] = ProxyNode(self._context, name)
+        return self._nodes[name]
 
-    def release(self, shown: Registration) -> None:
-        """Removes `shown` from its node, and closes the node if it offers nothing else."""
-        node = self._nodes.get(shown.proxy)
-        if node is None:
-            return
-        if isinstance(shown, ProxyTopic) and node.topics.get(shown.wanted.topic) is shown:
-            del node.topics[shown.wanted.topic]
-        elif isinstance(shown, ProxyService) and node.services.get(shown.wanted.topic) is shown:
-            del node.services[shown.wanted.topic]
-        if not node.topics and not node.services:
+    def close_unused(self, node: "ProxyNode") -> None:
+        """Closes the node if it offers nothing."""
+        if not node.topics and not node.services and self._nodes.get(node.name) is node:
             del self._nodes[node.name]
             node.close()
 
@@ -47,34 +30,16 @@ class ProxyNode:
 
     def __init__(self, context: Context, name: str) -> None:
         self.name = name  #: its name
-        self.topics: dict[str, ProxyTopic] = {}  #: its topics by name
-        self.services: dict[str, ProxyService] = {}  #: its services by name
+        self.topics: dict[str, Topic] = {}  #: its topics by name
+        self.services: dict[str, Offered] = {}  #: its services by name
         config = context.config
-        self._port = NodePort(context.reactor, config.node_bind, self, context.logger, config.handshake_timeout)
-        self.port = self._port.number  #: its port, for both protocols
-        self.uri = proxy_uri(config.host, self.port, config.gateway)  #: its XML-RPC URI
-        face = NodeFace(name, self.uri, config.master_uri, (config.host, self.port), self.topics)
-        face.shut_down = lambda _reason: f"{name} is shown by a gateway; take back its rule there to end it"
-        self.answer = SlaveApi(face).answer
+        self._port = NodePort(context, name, self.topics, self.services)
+        self.service_uri = f"rosrpc://{config.host}:{self._port.number}"  #: the address of its services
+        self.uri = proxy_uri(config.host, self._port.number, config.gateway)  #: its XML-RPC URI
+        self._port.api.uri = self.uri
+        self._port.api.shut_down = lambda _reason: f"{name} is shown by a gateway; take back its rule there to end it"
         self._port.open()
 
     def close(self) -> None:
         """Closes its port and all its connections."""
         self._port.close()
-
-    def admit_client(self, connection: Stream, fields: dict[str, str]) -> Ended:
-        """Accepts a client of a service. Raises RefusedError."""
-        service = self.services.get(fields["service"])
-        if service is None:
-            raise RefusedError(f"{self.name} is not a provider of {fields['service']}")
-        return service.call(connection, fields).ended
-
-    def admit_subscriber(self, connection: Stream, fields: dict[str, str]) -> Ended:
-        """Accepts a subscriber. Raises RefusedError."""
-        topic = self.topics.get(fields.get("topic", ""))
-        if topic is None:
-            raise RefusedError(f"{self.name} does not publish {fields.get('topic', 'a topic without name')}")
-        if refusal := topic.subscribe(connection, fields):
-            raise RefusedError(refusal)
-        unsubscribe = topic.unsubscribe
-        return lambda _reason: unsubscribe(connection)

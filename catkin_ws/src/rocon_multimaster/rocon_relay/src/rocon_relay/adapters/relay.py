@@ -296,7 +296,8 @@ class TcpRelay:
         for end in self._imports.values():
             if isinstance(end, ImportEnd) and end.wanted.source_gateway not in asked:
                 gateway = end.wanted.source_gateway
-                if end.ping(trips[gateway].last if gateway in trips else 0.0):
+                if link := end.running_link:
+                    link.ping(trips[gateway].last if gateway in trips else 0.0)
                     asked.add(gateway)
         for gateway in trips.keys() - asked - self._peers.keys():
             del trips[gateway]
@@ -310,8 +311,8 @@ class TcpRelay:
 
     def _watch(self, late: bool) -> None:
         for end in tuple(self._imports.values()):
-            if isinstance(end, ImportEnd):
-                end.watch(late)
+            if isinstance(end, ImportEnd) and (link := end.running_link):
+                link.watch(late)
         self._watch_later()
 
     def _status(self) -> RelayStatus:

@@ -4,15 +4,15 @@ from collections.abc import Mapping
 from typing import Any
 from urllib.parse import urlsplit
 
-from rocon_relay.adapters.context import Context, Tenant
+from rocon_relay.adapters.context import Context
 from rocon_relay.adapters.export_end import ExportEnd
 from rocon_relay.adapters.service_import import MAX_REASON, PASSED_ON
 from rocon_relay.adapters.service_pipe import ServicePipe
 from rocon_relay.core.connection import Export, LinkState, LinkStatus, Subject, proxy_name
 from rocon_relay.core.link import Hello
-from tcpros.adapters.channel import dialled_socket, watch_liveness
-from tcpros.adapters.stream import Stream
+from tcpros.adapters.dialled_stream import DialledStream, watch_liveness
 from tcpros.core.header import HeaderError, header_bytes, header_parser
+from tcpros.core.service_call import CallTotals
 
 
 class ServiceExportEnd:
@@ -30,73 +30,52 @@ class ServiceExportEnd:
         self._context = context
         #: the permanent link, up as long as the far gateway offers the service; None for none
         self.standing: ExportEnd | None = None
-        self._calls: set[ExportedCall] = set()
-        self._done = [0, 0]
+        self.calls: set[ExportedCall] = set()  #: the calls in progress
+        self.totals = CallTotals()  #: counts of all calls
 
     def admit(self, link: ExportEnd, hello: Hello) -> None:
         """Accepts a link: one for a single client, or the permanent one."""
         if hello.subject is Subject.CALL:
             call = ExportedCall(self._context, self, link, hello)
-            self._calls.add(call)
-            link.serve(call)
+            self.calls.add(call)
+            link.serve(call.ended)
             call.start()
             return
         former, self.standing = self.standing, link
         if former is not None:
             former.close("its peer has opened another one")
-        link.serve(_Standing(self, link))
+        link.serve(lambda _reason: self._stood(link))
         link.welcome({})
         self._context.changed()
 
-    def stood(self, link: ExportEnd) -> None:
-        """Called when a permanent link has ended."""
+    def _stood(self, link: ExportEnd) -> None:
         if self.standing is link:
             self.standing = None
             self._context.changed()
-
-    def finished(self, call: "ExportedCall") -> None:
-        """Called when the link of a call has ended."""
-        self._calls.discard(call)
-        if call.pipe is not None:
-            self._done[0] += call.pipe.conversation.calls
-            self._done[1] += call.pipe.conversation.bytes
 
     def close(self, _reason: str = "") -> None:
         """Closes all its links."""
         if self.standing is not None:
             self.standing.close("")
-        for call in tuple(self._calls):
-            call.close()
+        for call in tuple(self.calls):
+            call.link.close("")
 
     def status(self) -> LinkStatus:
         """Returns the status of the export."""
-        pipes = [call.pipe.conversation for call in self._calls if call.pipe]
-        calls = self._done[0] + sum(one.calls for one in pipes)
-        size = self._done[1] + sum(one.bytes for one in pipes)
+        counts = len(self.calls), self.totals.calls, self.totals.bytes
         if self.standing is None:
-            return LinkStatus(LinkState.PENDING, "not dialled by the far gateway", len(self._calls), calls, size)
-        return LinkStatus(LinkState.ACTIVE, "", len(self._calls), calls, size)
+            return LinkStatus(LinkState.PENDING, "not dialled by the far gateway", *counts)
+        return LinkStatus(LinkState.ACTIVE, "", *counts)
 
 
-class _Standing(Tenant):
-    """The tenant of a permanent link, which carries no data."""
-
-    def __init__(self, owner: ServiceExportEnd, link: ExportEnd) -> None:
-        self._owner = owner
-        self._link = link
-
-    def ended(self, _reason: str) -> None:
-        self._owner.stood(self._link)
-
-
-class ExportedCall(Tenant):
+class ExportedCall:
     """One client of another gateway: finds the server, connects, forwards the client's header and pipes both ways."""
 
     def __init__(self, context: Context, owner: ServiceExportEnd, link: ExportEnd, hello: Hello) -> None:
         self.pipe: ServicePipe | None = None  #: joins link and server, once the server has answered the handshake
         self._context = context
         self._owner = owner
-        self._link = link
+        self.link = link  #: the link from the far gateway
         self._hello = hello
         self._server: _Server | None = None
         self._remembered = False
@@ -105,7 +84,7 @@ class ExportedCall(Tenant):
 
     def start(self) -> None:
         """Connects to the server's cached address, which saves a call to the master, or looks it up."""
-        self._link.hold()
+        self.link.hold()
         if self._owner.server is None:
             self._look_up()
         else:
@@ -159,8 +138,8 @@ class ExportedCall(Tenant):
         if "error" in header:
             self._refuse(LinkState.REFUSED, header["error"])
             return
-        self.pipe = ServicePipe(self._link, self._server, self._context.config.max_message_size)
-        self._link.welcome({key: header[key] for key in PASSED_ON if key in header})
+        self.pipe = ServicePipe(self.link, self._server, self._context.config.max_message_size, self._owner.totals)
+        self.link.welcome({key: header[key] for key in PASSED_ON if key in header})
 
     def lost(self, reason: str) -> None:
         """Called when the server has closed the connection or could not be reached."""
@@ -173,16 +152,12 @@ class ExportedCall(Tenant):
             self._failed(f"{self._hello.source_node}: {reason or 'it closed the connection'}")
         else:
             why = reason or "it closed the connection"
-            self._link.finish(self.pipe.conversation.error(f"{self._hello.source_node}: {why}"))
-
-    def close(self) -> None:
-        """Closes the call's link."""
-        self._link.close("")
+            self.link.finish(self.pipe.conversation.error(f"{self._hello.source_node}: {why}"))
 
     def ended(self, _reason: str) -> None:
         """Ends the call after its link was closed."""
         self._end()
-        self._owner.finished(self)
+        self._owner.calls.discard(self)
 
     def _too_late(self) -> None:
         self._failed(f"{self._hello.source_node} did not answer in time")
@@ -194,7 +169,7 @@ class ExportedCall(Tenant):
     def _refuse(self, state: LinkState, reason: str) -> None:
         if not self._is_over:
             self._end()
-            self._link.refuse(state, reason[:MAX_REASON])
+            self.link.refuse(state, reason[:MAX_REASON])
 
     def _end(self) -> None:
         self._is_over = True
@@ -203,20 +178,15 @@ class ExportedCall(Tenant):
             self._server.close("")
 
 
-class _Server(Stream):
+class _Server(DialledStream):
     """The connection to the server."""
 
     def __init__(self, context: Context, call: ExportedCall, node: str, header: bytes) -> None:
-        sock = dialled_socket()
-        super().__init__(context.reactor, sock, node)
-        watch_liveness(sock)
+        super().__init__(context.reactor, node, header)
+        watch_liveness(self._socket)
         self._context = context
         self._call = call
-        self._header = header
         self.parse = header_parser(call.found)
-
-    def connected(self) -> None:
-        self.send(self._header)
 
     def closed(self, reason: str) -> None:
         if reason.startswith("malformed"):

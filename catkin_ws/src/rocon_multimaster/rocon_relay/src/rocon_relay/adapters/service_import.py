@@ -1,17 +1,19 @@
 """The importing end of a service: registers the proxy while the link is up; each client gets its own link."""
 
+import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 from rocon_relay.adapters.context import Context
-from rocon_relay.adapters.dialled_link import DialledLink, LinkOwner, hello_to
-from rocon_relay.adapters.proxy_service import ProxyService
-from rocon_relay.adapters.registration import Nodes
+from rocon_relay.adapters.dialled_link import DialledLink, LinkOwner
+from rocon_relay.adapters.proxy_node import ProxyNode, ProxyNodes
 from rocon_relay.adapters.service_pipe import ServicePipe
 from rocon_relay.adapters.standing_import import StandingImport
-from rocon_relay.core.connection import ANY, Address, Import, LinkState, LinkStatus, Subject
-from rocon_relay.core.link import Hello
+from rocon_relay.core.connection import ANY, Import, LinkState, LinkStatus, Subject
+from tcpros.adapters.node_port import Ended
 from tcpros.adapters.stream import Stream
 from tcpros.core.header import HeaderError, header_bytes
+from tcpros.core.service_call import CallTotals
 
 MAX_CALLS = 256
 """Maximum number of concurrent clients of one service; one more is refused."""
@@ -30,47 +32,50 @@ class ServiceImportEnd(StandingImport):
     client connection is relayed on its own link, opened when the client connects.
     """
 
-    def __init__(self, context: Context, nodes: Nodes, wanted: Import, ended: Callable[[], None]) -> None:
-        super().__init__(context, wanted, ended)
-        self.registration = self.service = ProxyService(context, nodes, self, wanted)
-        self._calls = 0
-        self._bytes = 0
+    def __init__(self, context: Context, nodes: ProxyNodes, wanted: Import, ended: Callable[[], None]) -> None:
+        super().__init__(context, nodes, wanted, ended)
+        self.calls: set[ImportedCall] = set()  #: the clients' connections
+        self.totals = CallTotals()  #: counts of all calls
 
-    def hello(self, subject: Subject, md5sum: str = ANY) -> Hello:
-        """Returns the hello of a link for this service."""
-        wanted = self.wanted
-        return hello_to(self._context, wanted.source_gateway, subject, wanted.topic, wanted.source_node, md5sum=md5sum)
+    def offered_by(self, node: ProxyNode) -> dict[str, Any]:
+        """Returns the node's services."""
+        return node.services
 
-    def link(self) -> DialledLink:
-        """Returns a new link to the source gateway."""
-        return DialledLink(self._context, self, self.wanted.address, self.hello(Subject.SERVICE))
+    def registering(self, node: ProxyNode) -> tuple[str, tuple[str, ...]]:
+        """Returns the master's method and arguments that register it."""
+        return "registerService", (self.wanted.topic, node.service_uri, node.uri)
+
+    def unregistering(self, node: ProxyNode) -> tuple[str, tuple[str, ...]]:
+        """Returns the master's method and arguments that unregister it."""
+        return "unregisterService", (self.wanted.topic, node.service_uri)
+
+    def close_users(self) -> None:
+        """Closes the connections of all clients."""
+        for call in tuple(self.calls):
+            call.fail(f"{self.wanted.topic} is not relayed any more")
 
     def replace(self, wanted: Import) -> None:
         """Replaces the import by one with the same key and a new address; calls in progress continue if they can."""
-        self.wanted = self.service.wanted = wanted
+        self.wanted = wanted
         self.redial("its address has changed")
 
     def status(self) -> LinkStatus:
         """Returns the status of the import."""
-        pipes = [call.pipe.conversation for call in self._running if call.pipe]
-        calls = self._calls + sum(one.calls for one in pipes)
-        size = self._bytes + sum(one.bytes for one in pipes)
-        return LinkStatus(self._state, self._reason, len(self.service.calls), calls, size)
+        totals = self.totals
+        return LinkStatus(self._state, self._reason, len(self.calls), totals.calls, totals.bytes)
 
-    @property
-    def _running(self) -> "list[ImportedCall]":
-        return [call for call in self.service.calls if isinstance(call, ImportedCall)]
-
-    def called(self, client: Stream, fields: dict[str, str]) -> "ImportedCall":
-        """Starts relaying a new client."""
+    def admit(self, client: Stream, fields: dict[str, str]) -> Ended:
+        """Accepts a client with its connection header and starts relaying it."""
         call = ImportedCall(self._context, self, client, fields)
-        if not self.service.is_serving:
+        if not self.registration.is_serving:
             call.fail(f"{self.wanted.topic} is not relayed any more")
-        elif len(self.service.calls) >= MAX_CALLS:
+        elif len(self.calls) >= MAX_CALLS:
             call.fail(f"{self.wanted.topic} has {MAX_CALLS} clients at a time and takes no more")
         else:
             call.dial()
-        return call
+        if not client.is_closed:
+            self.calls.add(call)
+        return call.ended
 
     def reached(self) -> None:
         """Called when a call has reached the server."""
@@ -82,13 +87,6 @@ class ServiceImportEnd(StandingImport):
         if self._state is LinkState.ACTIVE:
             self._set(LinkState.NO_SERVER, reason)
 
-    def finished(self, call: "ImportedCall") -> None:
-        """Called when a client has disconnected."""
-        self.service.calls.discard(call)
-        if call.pipe is not None:
-            self._calls += call.pipe.conversation.calls
-            self._bytes += call.pipe.conversation.bytes
-
 
 class ImportedCall(LinkOwner):
     """One client's connection and the link for its calls."""
@@ -99,11 +97,12 @@ class ImportedCall(LinkOwner):
         self._owner = owner
         self._client = client
         self._fields = fields
-        self._link: CallLink | None = None
+        self._link: DialledLink | None = None
 
     def dial(self) -> None:
         """Opens the link. Reading from the client pauses until the server has answered."""
-        hello = self._owner.hello(Subject.CALL, self._fields.get("md5sum", ANY)).of_client(self._fields)
+        md5sum, client = self._fields.get("md5sum", ANY), tuple(sorted(self._fields.items()))
+        hello = dataclasses.replace(self._owner.hello(), subject=Subject.CALL, md5sum=md5sum, client=client)
         try:
             header_bytes(hello.fields())
         except HeaderError as error:
@@ -114,22 +113,20 @@ class ImportedCall(LinkOwner):
 
         def found(host: str) -> None:
             if not self._client.is_closed:
-                self._link = CallLink(self._context, self, address, hello)
+                self._link = DialledLink(self._context, self, address, hello)
                 self._link.connect(host, address.port)
 
         self._context.resolver.resolve(
             address.host, found, lambda reason: self.link_lost(LinkState.UNREACHABLE, reason)
         )
 
-    def answered(self, link: "CallLink", fields: dict[str, str]) -> None:
+    def link_up(self, fields: dict[str, str]) -> None:
         """Called when the server has answered the handshake."""
+        assert self._link is not None
         self._owner.reached()
-        self.pipe = ServicePipe(self._client, link, self._context.config.max_message_size)
+        self.pipe = ServicePipe(self._client, self._link, self._context.config.max_message_size, self._owner.totals)
         header = {key: fields[key] for key in PASSED_ON if key in fields}
         self._client.send(header_bytes({**header, "callerid": self._owner.wanted.proxy}))
-
-    def link_up(self) -> None:
-        """Does nothing: `answered` follows."""
 
     def link_lost(self, state: LinkState, reason: str) -> None:
         """Fails the call."""
@@ -151,18 +148,6 @@ class ImportedCall(LinkOwner):
 
     def ended(self, reason: str) -> None:
         """Ends the call: its client has disconnected."""
-        self._owner.finished(self)
+        self._owner.calls.discard(self)
         if self._link is not None:
             self._link.close(reason)
-
-
-class CallLink(DialledLink):
-    """The link for the calls of one client."""
-
-    def __init__(self, context: Context, call: ImportedCall, address: Address, hello: Hello) -> None:
-        super().__init__(context, call, address, hello)
-        self._call = call
-
-    def accepted(self, fields: dict[str, str]) -> None:
-        """Handles the welcome."""
-        self._call.answered(self, fields)

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from tcpros.adapters.stream import Stream
-from tcpros.core.service_call import Conversation
+from tcpros.core.service_call import CallTotals, Conversation
 
 Follow = Callable[[memoryview], None]
 """Checks the bytes that pass; raises TcprosError for invalid ones."""
@@ -12,8 +12,8 @@ Follow = Callable[[memoryview], None]
 class ServicePipe:
     """Joins the client side (its connection or link) with the server side (the server's connection or link)."""
 
-    def __init__(self, client: Stream, server: Stream, max_size: int) -> None:
-        self.conversation = Conversation(max_size)  #: tracks the calls that pass
+    def __init__(self, client: Stream, server: Stream, max_size: int, totals: CallTotals) -> None:
+        self.conversation = Conversation(max_size, totals)  #: tracks the calls that pass
         _join(client, server, self.conversation.request)
         _join(server, client, self.conversation.response)
 

@@ -14,10 +14,8 @@ QUIET = 0.5
 """After this long, at most twice, without a message of a kind, its last one is sent whatever its stamp [s]."""
 
 
-class Sieve:
+class Sieve(Outlet):
     """Applies the options between a publisher's stream and one link; see `core.fanout.Outlet`."""
-
-    direct = None
 
     def __init__(self, reactor: Reactor, link: Outlet, options: LinkOptions, type_: str) -> None:
         self.backlog = Backlog(UNBOUNDED, UNBOUNDED)  #: the message that is arriving
@@ -121,10 +119,8 @@ class Sieve:
         self._link.push(whole_frame(message))
 
 
-class Inflater:
+class Inflater(Outlet):
     """Decompresses the messages of a link and feeds them to a fanout; see `core.fanout.Outlet`."""
-
-    direct = None
 
     def __init__(self, fanout: Fanout, max_message_size: int) -> None:
         self.backlog = Backlog(UNBOUNDED, UNBOUNDED)  #: the message that is arriving
@@ -140,15 +136,6 @@ class Inflater:
             whole = inflated(message, self._max_message_size)
             self.saved += len(whole) - len(message)
             self._fanout.feed(whole_frame(whole).data)
-
-    def flush(self) -> None:
-        """Does nothing: `push` leaves nothing behind."""
-
-    def left(self) -> None:
-        """Does nothing: the link owns the stream."""
-
-    def close(self, reason: str) -> None:
-        """Does nothing: the link closes itself."""
 
 
 def _messages(backlog: Backlog) -> Iterator[memoryview]:

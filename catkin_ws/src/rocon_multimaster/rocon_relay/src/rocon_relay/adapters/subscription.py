@@ -1,16 +1,13 @@
 """The source side of a topic: a minimal TCPROS subscriber that forwards frames as they arrive."""
 
-import socket
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
-from rocon_relay.adapters.context import Context, Pause
+from rocon_relay.adapters.context import Context
 from rocon_relay.core.connection import ANY, Export
-from tcpros.adapters.channel import dialled_socket
 from tcpros.adapters.reactor import Timer
-from tcpros.adapters.stream import Stream
+from tcpros.adapters.topic_source import PublisherConnection, offered_address
 from tcpros.core.fanout import Fanout, Outlet
-from tcpros.core.header import header_bytes, header_parser
 
 
 class Customer(Protocol):
@@ -43,7 +40,7 @@ class Subscription:
         self._header: Mapping[str, str] | None = None
         self._publisher: _Publisher | None = None
         self._timer: Timer | None = None
-        self._pause = Pause(context.config)
+        self._pause = context.pause()
         self._asking = False
         self._ended = False
 
@@ -99,15 +96,12 @@ class Subscription:
         self._context.server(str(uri)).call("requestTopic", arguments, self._offered, self._failed)
 
     def _offered(self, answer: Any) -> None:
-        try:
-            protocol, host, port = answer
-            port = int(port)
-        except (TypeError, ValueError):
-            protocol, host, port = "", "", 0
-        if protocol != "TCPROS":
+        offered = offered_address(answer)
+        if offered is None:
             self._failed(f"{self._node} offers no TCPROS for {self.topic}")
             return
-        self._context.resolver.resolve(str(host), lambda address: self._dial(address, port), self._failed)
+        host, port = offered
+        self._context.resolver.resolve(host, lambda address: self._dial(address, port), self._failed)
 
     def _dial(self, address: str, port: int) -> None:
         if self._customers:
@@ -143,42 +137,22 @@ class Subscription:
             self._timer = self._context.reactor.call_later(self._pause.take(), self._ask)
 
 
-class _Publisher(Stream):
+class _Publisher(PublisherConnection):
     """The connection to the publisher."""
 
     def __init__(self, subscription: Subscription, context: Context, node: str) -> None:
-        sock = dialled_socket()
-        super().__init__(context.reactor, sock, node)
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        fields = {"callerid": subscription.name, "topic": subscription.topic, "type": ANY, "md5sum": ANY}
+        super().__init__(context, node, {**fields, "tcp_nodelay": "1"})
         self._subscription = subscription
         self._context = context
-        self.parse = header_parser(self._take_header)
-        self._timer = context.reactor.call_later(context.config.handshake_timeout, self._too_late)
 
-    def connected(self) -> None:
-        fields = {
-            "callerid": self._subscription.name,
-            "topic": self._subscription.topic,
-            "type": ANY,
-            "md5sum": ANY,
-            "tcp_nodelay": "1",
-        }
-        self.send(header_bytes(fields))
-
-    def closed(self, reason: str) -> None:
-        self._timer.cancel()
-        if reason.startswith("malformed"):
-            self._context.logger.warning("publisher %s of %s: %s", self.peer, self._subscription.topic, reason)
-        self._subscription.lost(self, reason)
-
-    def _too_late(self) -> None:
-        self.close("it sent no connection header in time")
-
-    def _take_header(self, header: dict[str, str]) -> None:
-        self._timer.cancel()
-        if "error" in header:
-            self.close(header["error"])
-            return
+    def greeted(self, header: dict[str, str]) -> None:
         self.fanout = self._subscription.fanout
         self.parse = self.fanout.feed
         self._subscription.found(header)
+
+    def closed(self, reason: str) -> None:
+        super().closed(reason)
+        if reason.startswith("malformed"):
+            self._context.logger.warning("publisher %s of %s: %s", self.peer, self._subscription.topic, reason)
+        self._subscription.lost(self, reason)

@@ -1,6 +1,5 @@
 """The link protocol: handshake and control frames between two relays. See `docs/gateway.md`."""
 
-import dataclasses
 import hashlib
 import hmac
 from collections.abc import Mapping
@@ -45,10 +44,6 @@ class Hello:
     keys: tuple[str, ...] = ()  #: names of the keys we have, preferred one first
     client: tuple[tuple[str, str], ...] = ()  #: for a call, the sorted fields of the client's connection header
     options: LinkOptions = NO_OPTIONS  #: for a topic, the sink's options; one field for each enabled option
-
-    def of_client(self, fields: Mapping[str, str]) -> "Hello":
-        """Returns the hello of a call for a client with this connection header."""
-        return dataclasses.replace(self, client=tuple(sorted(fields.items())))
 
     def fields(self) -> dict[str, str]:
         """Returns the fields of the connection header."""
@@ -98,18 +93,6 @@ class Hello:
             raise LinkError(f"its hello lacks the field {error.args[0]}") from None
         except OptionError as error:
             raise AskError(f"options that cannot be had: {error}") from None
-
-
-@dataclass(frozen=True, slots=True)
-class Refusal:
-    """A refused link: its resulting state and the reason."""
-
-    state: LinkState
-    reason: str
-
-    def fields(self) -> dict[str, str]:
-        """Returns the fields of the connection header."""
-        return {"relay": VERSION, "error": self.reason, "state": self.state}
 
 
 def state_from_field(word: str) -> LinkState:

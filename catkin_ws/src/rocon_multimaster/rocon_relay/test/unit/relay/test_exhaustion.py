@@ -14,7 +14,7 @@ from test_services import connect as connect_service
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 from rocon_relay.core.connection import ANY, Export, Import, LinkState, Subject
-from tcpros.adapters import channel, listener
+from tcpros.adapters import dialled_stream, listener
 
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -34,8 +34,8 @@ class Scarce:
         return not any(self._left.values())
 
     def socket(self, *arguments):
-        for frame in (sys._getframe(1), sys._getframe(2)):
-            asking = frame.f_globals["__name__"]
+        for depth in range(1, 5):
+            asking = sys._getframe(depth).f_globals["__name__"]
             if self._left.get(asking):
                 self._left[asking] -= 1
                 raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
@@ -48,7 +48,7 @@ class Scarce:
 @pytest.fixture
 def scarce(monkeypatch, caplog):
     made = Scarce()
-    for module in (channel, listener):
+    for module in (dialled_stream, listener):
         monkeypatch.setattr(module, "socket", made)
     yield made
     assert made.is_over

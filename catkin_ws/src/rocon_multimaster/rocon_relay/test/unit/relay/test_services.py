@@ -217,7 +217,7 @@ def test_taking_a_rule_back_ends_calls_and_registration(sink):
 def take_back_during_a_call(sink):
     def is_called():
         (end,) = sink.relay._imports.values()
-        return any(call.pipe and call.pipe.conversation.is_waiting for call in tuple(end.service.calls))
+        return any(call.pipe and call.pipe.conversation.is_waiting for call in tuple(end.calls))
 
     wait_until(is_called, "the call under way", 10)
     sink.relay.apply(set(), set())

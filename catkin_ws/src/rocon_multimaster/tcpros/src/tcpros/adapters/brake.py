@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 
 from tcpros.adapters.reactor import Reactor, Timer
-from tcpros.core.fanout import Fanout
+from tcpros.core.fanout import Fanout, do_nothing
 
 STALL = 1.0
 """The receivers count as stalled if together they have taken no byte for this long [s]."""
@@ -47,7 +47,7 @@ class Brake:
 
     def cancel(self) -> None:
         """Stops the brake; no callback is called afterwards."""
-        self._fanout.relieved = _nothing
+        self._fanout.relieved = do_nothing
         if self._timer is not None:
             self._timer.cancel()
 
@@ -73,7 +73,3 @@ class Brake:
             self._release()
         self._yields, self._stand_still = yields, stand_still
         self._look_later()
-
-
-def _nothing() -> None:
-    """Default `relieved` callback."""

@@ -4,14 +4,14 @@ roscpp distinguishes publishers by host and port, so two nodes cannot share a po
 both protocols: XML-RPC begins with ``POST``, which is out of range as the length of a TCPROS header.
 """
 
-import logging
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from tcpros.adapters.listener import Listener
-from tcpros.adapters.reactor import Reactor, Timer
+from tcpros.adapters.node_context import NodeContext
+from tcpros.adapters.slave_api import Published, SlaveApi
 from tcpros.adapters.stream import Stream
 from tcpros.core.error import TcprosError
 from tcpros.core.header import header_bytes, header_parser
@@ -32,46 +32,41 @@ class SubscriberError(TcprosError):
     """A subscriber sent something after its connection header."""
 
 
-class Resident(Protocol):
-    """The node behind a port."""
+class Offered(Protocol):
+    """A service of a node."""
 
-    @property
-    def name(self) -> str:
-        """Its name, for log lines."""
+    def admit(self, connection: Stream, fields: dict[str, str]) -> Ended:
+        """Accepts a client, or a topic's subscriber, with its connection header. Raises RefusedError."""
 
-    def answer(self, request: bytes) -> bytes:
-        """Returns the response to an XML-RPC call. Raises TcprosError if the request is not a call."""
 
-    def admit_subscriber(self, connection: Stream, fields: dict[str, str]) -> Ended:
-        """Accepts a subscriber with its connection header. Raises RefusedError."""
-
-    def admit_client(self, connection: Stream, fields: dict[str, str]) -> Ended:
-        """Accepts a service client with its connection header. Raises RefusedError."""
+class Topic(Published, Offered, Protocol):
+    """A topic that a node publishes."""
 
 
 class NodePort:
-    """A listening port and its connections.
+    """A node's listening port, its connections and its slave API.
 
     Args:
-        reactor: the loop.
-        bind: the local address; "" for all.
-        node: the node behind it.
-        logger: receives one line for each malformed connection.
-        patience: timeout for a connection to identify itself [s].
+        context: shared by the nodes of the process.
+        name: the node's name.
+        topics: the published topics by name; the node may change them at any time.
+        services: the services by name, likewise.
 
     Raises:
         OSError: no port is available.
     """
 
-    def __init__(self, reactor: Reactor, bind: str, node: Resident, logger: logging.Logger, patience: float) -> None:
-        self.reactor = reactor
-        self.node = node
-        self.logger = logger
-        self.patience = patience
-        self._listener = Listener(reactor, bind, 0, self._accepted)
+    def __init__(
+        self, context: NodeContext, name: str, topics: Mapping[str, Topic], services: Mapping[str, Offered]
+    ) -> None:
+        self.context = context
+        self._listener = Listener(context.reactor, context.bind, 0, self._accepted)
+        self._topics, self._services = topics, services
         self._connections: set[NodeConnection] = set()
         self._unidentified: dict[NodeConnection, None] = {}
         self.number = self._listener.port  #: the port's number
+        uri = f"http://{context.host}:{self.number}/"
+        self.api = SlaveApi(name, uri, context.master_uri, (context.host, self.number), topics)  #: the slave API
 
     def open(self) -> None:
         """Starts accepting connections."""
@@ -87,6 +82,18 @@ class NodePort:
         """Called by a connection that has ended."""
         self._connections.discard(connection)
         self.know(connection)
+
+    def admit(self, connection: "NodeConnection", fields: dict[str, str]) -> Ended:
+        """Passes a subscriber or client on to the topic or service that it names. Raises RefusedError."""
+        offered: Offered | None
+        if "service" in fields:
+            offered, lacks = self._services.get(fields["service"]), f"is not a provider of {fields['service']}"
+        else:
+            topic = fields.get("topic", "a topic without name")
+            offered, lacks = self._topics.get(topic), f"does not publish {topic}"
+        if offered is None:
+            raise RefusedError(f"{self.api.name} {lacks}")
+        return offered.admit(connection, fields)
 
     def know(self, connection: "NodeConnection") -> None:
         """Called by a connection that has subscribed or called a service and so no longer counts as unidentified."""
@@ -104,12 +111,12 @@ class NodeConnection(Stream):
     """One connection to a node, of either protocol."""
 
     def __init__(self, port: NodePort, sock: socket.socket, peer: str) -> None:
-        super().__init__(port.reactor, sock, peer)
+        super().__init__(port.context.reactor, sock, peer)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         self._port = port
         self._ended: Ended | None = None
         self._asked = 0.0
-        self._timer: Timer = port.reactor.call_later(port.patience, self._too_late)
+        self._timer = port.context.reactor.call_later(port.context.header_timeout, self._too_late)
         self.parse = self._parse_first
 
     def give_up(self, reason: str) -> None:
@@ -120,15 +127,15 @@ class NodeConnection(Stream):
         """Notifies the topic or service that owns the connection."""
         self._timer.cancel()
         if reason.startswith("malformed"):
-            self._port.logger.warning("%s from %s: %s", self._port.node.name, self.peer, reason)
+            self._port.context.logger.warning("%s from %s: %s", self._port.api.name, self.peer, reason)
         if self._ended is not None:
             self._ended(reason)
         self._port.forget(self)
 
     def _too_late(self) -> None:
-        left = self._asked + self._port.patience - time.monotonic()
+        left = self._asked + self._port.context.header_timeout - time.monotonic()
         if left > 0:
-            self._timer = self._port.reactor.call_later(left, self._too_late)
+            self._timer = self._reactor.call_later(left, self._too_late)
         else:
             self.give_up("timed out waiting for its connection header")
 
@@ -145,9 +152,8 @@ class NodeConnection(Stream):
         self._timer.cancel()
         self._port.know(self)
         self.parse = self._parse_nothing
-        node = self._port.node
         try:
-            ended = (node.admit_client if "service" in fields else node.admit_subscriber)(self, fields)
+            ended = self._port.admit(self, fields)
         except RefusedError as error:
             self.finish(header_bytes({"error": str(error)}))
             return
@@ -167,7 +173,7 @@ class NodeConnection(Stream):
         if message is None or len(data) < message.end:
             return 0
         self._asked = time.monotonic()
-        body = self._port.node.answer(bytes(data[message.start : message.end]))
+        body = self._port.api.answer(bytes(data[message.start : message.end]))
         response = http_response(body, message.keep_alive)
         if message.keep_alive:
             self.send(response)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from tcpros.adapters.topic_source import TopicSource
 from tcpros.core.error import TcprosError
 from tcpros.core.http import NONSENSE
 
@@ -27,62 +28,39 @@ class Published(Protocol):
         """Its message type."""
 
     @property
-    def subscriber_names(self) -> list[str]:
-        """The names of the connected subscribers."""
+    def subscribers(self) -> Mapping[Any, str]:
+        """The names of the connected subscribers by connection."""
 
     def refusal(self, name: str) -> str:
         """Returns why a node of that name may not subscribe, "" if it may."""
 
 
-class Subscribed(Protocol):
-    """A topic that a node subscribes to."""
-
-    @property
-    def type(self) -> str:
-        """Its message type."""
-
-    @property
-    def publisher_uris(self) -> list[str]:
-        """The URIs of the connected publishers."""
-
-    @property
-    def received(self) -> list[tuple[str, int]]:
-        """The URI of each connected publisher and the bytes received from it."""
-
-    def update(self, publishers: list[str]) -> None:
-        """Replaces the list of publishers by these URIs."""
-
-
 @dataclass(slots=True)
-class NodeFace:
-    """The data and callbacks of a node that its slave API exposes."""
+class SlaveApi:
+    """Answers calls to one node from its data and callbacks."""
 
     name: str
     uri: str
     master_uri: str
     address: tuple[str, int]  #: where it serves topics: host and port
     published: Mapping[str, Published]  #: by topic
-    subscribed: Mapping[str, Subscribed] = field(default_factory=dict)  #: by topic
+    subscribed: Mapping[str, TopicSource] = field(default_factory=dict)  #: by topic
     #: by name of a subscribed parameter; called with its new value
     parameters: Mapping[str, Callable[[Any], object]] = field(default_factory=dict)
     #: called with the reason of a shutdown request; returns why the node refuses, "" if it shuts down
     shut_down: Callable[[str], str] = lambda _reason: "it does not end when asked"
+    _methods: dict[str, Callable[..., Answer]] = field(init=False)
 
-
-class SlaveApi:
-    """Answers calls to one node."""
-
-    def __init__(self, face: NodeFace) -> None:
-        self._face = face
-        self._methods: dict[str, Callable[..., Answer]] = {
+    def __post_init__(self) -> None:
+        self._methods = {
             "getBusInfo": self._bus_info,
             "getBusStats": self._bus_stats,
-            "getMasterUri": lambda _caller: (1, "", face.master_uri),
-            "getName": lambda _caller: (1, "", face.name),
+            "getMasterUri": lambda _caller: (1, "", self.master_uri),
+            "getName": lambda _caller: (1, "", self.name),
             "getPid": lambda _caller: (1, "", os.getpid()),
-            "getPublications": lambda _caller: (1, "publications", _types(face.published)),
-            "getSubscriptions": lambda _caller: (1, "subscriptions", _types(face.subscribed)),
-            "getUri": lambda _caller: (1, "", face.uri),
+            "getPublications": lambda _caller: (1, "publications", _types(self.published)),
+            "getSubscriptions": lambda _caller: (1, "subscriptions", _types(self.subscribed)),
+            "getUri": lambda _caller: (1, "", self.uri),
             "paramUpdate": self._parameter_update,
             "publisherUpdate": self._publisher_update,
             "requestTopic": self._request_topic,
@@ -101,7 +79,7 @@ class SlaveApi:
             raise SlaveApiError("no XML-RPC call") from None
         function = self._methods.get(method or "")
         if function is None:
-            fault = xmlrpc.client.Fault(-1, f"{self._face.name} has no method {method}")
+            fault = xmlrpc.client.Fault(-1, f"{self.name} has no method {method}")
             return xmlrpc.client.dumps(fault).encode()
         try:
             answer = function(*arguments)
@@ -110,55 +88,54 @@ class SlaveApi:
         return xmlrpc.client.dumps((answer,), methodresponse=True).encode()
 
     def _bus_info(self, _caller: str) -> Answer:
-        face = self._face
-        told = f"TCPROS connection on port {face.address[1]}"
+        told = f"TCPROS connection on port {self.address[1]}"
         rows = [
             [number, name, "o", "TCPROS", topic, True, told]
-            for topic, one in face.published.items()
-            for number, name in enumerate(one.subscriber_names, 1)
+            for topic, one in self.published.items()
+            for number, name in enumerate(one.subscribers.values(), 1)
         ]
         rows += [
             [number, uri, "i", "TCPROS", topic, True, f"TCPROS connection to {uri}"]
-            for topic, one in face.subscribed.items()
-            for number, uri in enumerate(one.publisher_uris, 1)
+            for topic, one in self.subscribed.items()
+            for number, (uri, _) in enumerate(one.received, 1)
         ]
         return 1, "bus info", rows
 
     def _bus_stats(self, _caller: str) -> Answer:
-        out = [[topic, 0, []] for topic in self._face.published]
+        out = [[topic, 0, []] for topic in self.published]
         into = [
             [topic, [[number, count, -1, True] for number, (_, count) in enumerate(one.received, 1)]]
-            for topic, one in self._face.subscribed.items()
+            for topic, one in self.subscribed.items()
         ]
         return 1, "", [out, into, []]
 
     def _parameter_update(self, _caller: str, name: str, value: Any) -> Answer:
-        changed = self._face.parameters.get(name.rstrip("/"))
+        changed = self.parameters.get(name.rstrip("/"))
         if changed is not None:
             changed(value)
         return 1, "", 0
 
     def _publisher_update(self, _caller: str, name: str, publishers: list[str]) -> Answer:
-        topic = self._face.subscribed.get(name)
+        topic = self.subscribed.get(name)
         if topic is not None:
             topic.update([str(uri) for uri in publishers])
         return 1, "", 0
 
     def _request_topic(self, caller: str, name: str, protocols: list[list[str]]) -> Answer:
-        topic = self._face.published.get(name)
+        topic = self.published.get(name)
         if topic is None:
-            return 0, f"{self._face.name} does not publish {name}", []
+            return 0, f"{self.name} does not publish {name}", []
         refusal = topic.refusal(caller)
         if refusal:
             return 0, refusal, []
         if not any(protocol and protocol[0] == "TCPROS" for protocol in protocols):
-            return 0, f"{self._face.name} speaks TCPROS only", []
-        return 1, "ready", ["TCPROS", *self._face.address]
+            return 0, f"{self.name} speaks TCPROS only", []
+        return 1, "ready", ["TCPROS", *self.address]
 
     def _shutdown(self, _caller: str, reason: str = "") -> Answer:
-        refusal = self._face.shut_down(str(reason))
+        refusal = self.shut_down(str(reason))
         return (0, refusal, 0) if refusal else (1, "it ends", 0)
 
 
-def _types(topics: Mapping[str, Published] | Mapping[str, Subscribed]) -> list[list[str]]:
+def _types(topics: Mapping[str, Published] | Mapping[str, TopicSource]) -> list[list[str]]:
     return [[name, topic.type] for name, topic in topics.items()]

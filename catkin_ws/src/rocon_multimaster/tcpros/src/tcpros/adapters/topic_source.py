@@ -2,14 +2,13 @@
 
 import socket
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
-from tcpros.adapters.channel import dialled_socket
-from tcpros.adapters.node_context import PATIENCE, NodeContext
+from tcpros.adapters.dialled_stream import DialledStream
+from tcpros.adapters.node_context import NodeContext, Pause
 from tcpros.adapters.reactor import Timer
-from tcpros.adapters.stream import Stream
 from tcpros.core.header import header_bytes, header_parser
 
 
@@ -23,10 +22,48 @@ class Sender(NamedTuple):
 Taken = Callable[[memoryview, Sender], object]
 """Called with each message and its publisher. The message has no length prefix and is valid only during the call."""
 
-_SHORTEST, _LONGEST = 0.1, 2.0
-"""First and longest pause before retrying a publisher [s]; the pause doubles each time."""
-
 _LENGTH = struct.Struct("<I")
+
+
+class PublisherConnection(DialledStream):
+    """A connection to a publisher, up to the exchange of connection headers.
+
+    Args:
+        context: shared by the nodes of the process.
+        peer: the publisher, for log lines.
+        fields: the subscriber's connection header.
+    """
+
+    def __init__(self, context: NodeContext, peer: str, fields: Mapping[str, str]) -> None:
+        super().__init__(context.reactor, peer, header_bytes(fields))
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        timeout = context.header_timeout
+        self._timer = context.reactor.call_later(timeout, lambda: self.close("it sent no connection header in time"))
+        self.parse = header_parser(self._take_header)
+
+    def greeted(self, header: dict[str, str]) -> None:
+        """Called with the publisher's connection header; sets the parser for its messages."""
+        raise NotImplementedError
+
+    def closed(self, reason: str) -> None:
+        """Called once, after the connection has ended for any reason."""
+        self._timer.cancel()
+
+    def _take_header(self, header: dict[str, str]) -> None:
+        self._timer.cancel()
+        if "error" in header:
+            self.close(header["error"])
+        else:
+            self.greeted(header)
+
+
+def offered_address(answer: Any) -> tuple[str, int] | None:
+    """Returns the host and port in a publisher's answer to requestTopic; None if it offers no TCPROS."""
+    try:
+        protocol, host, port = answer
+        return (str(host), int(port)) if protocol == "TCPROS" else None
+    except (TypeError, ValueError):
+        return None
 
 
 class TopicSource:
@@ -46,11 +83,6 @@ class TopicSource:
         self._fields = {"callerid": node, "tcp_nodelay": "1", **fields}
         self._taken = taken
         self._publishers: dict[str, _Publisher] = {}
-
-    @property
-    def publisher_uris(self) -> list[str]:
-        """The URIs of the connected publishers."""
-        return [uri for uri, one in self._publishers.items() if one.connection is not None]
 
     @property
     def publisher_names(self) -> list[str]:
@@ -82,7 +114,7 @@ class _Publisher:
     def __init__(self, context: NodeContext, uri: str, node: str, fields: dict[str, str], taken: Taken) -> None:
         self._context, self._uri, self._node, self._fields, self._taken = context, uri, node, fields, taken
         self.connection: _Connection | None = None  #: the current connection
-        self._pause = _SHORTEST
+        self._pause = Pause()
         self._timer: Timer | None = None
         self._closed = False
         self._reported = False
@@ -98,7 +130,8 @@ class _Publisher:
 
     def greeted(self) -> None:
         """Called when the publisher's connection header has arrived."""
-        self._pause, self._reported = _SHORTEST, False
+        self._pause.reset()
+        self._reported = False
 
     def failed(self, reason: str) -> None:
         """Called when the publisher does not answer, refuses, or has closed the connection; schedules a retry."""
@@ -109,8 +142,7 @@ class _Publisher:
             topic = self._fields["topic"]
             self._context.logger.warning("%s gets no %s from %s: %s", self._node, topic, self._uri, reason)
             self._reported = True
-        self._timer = self._context.reactor.call_later(self._pause, self._ask)
-        self._pause = min(2 * self._pause, _LONGEST)
+        self._timer = self._context.reactor.call_later(self._pause.take(), self._ask)
 
     def _ask(self) -> None:
         self._timer = None
@@ -118,13 +150,11 @@ class _Publisher:
         self._context.server(self._uri).call("requestTopic", arguments, self._offered, self.failed)
 
     def _offered(self, answer: Any) -> None:
-        try:
-            _protocol, host, port = answer
-            number = int(port)
-        except (TypeError, ValueError):
+        address = offered_address(answer)
+        if address is None:
             self.failed(f"it offers an invalid address: {answer!r}")
-            return
-        self._context.resolver.resolve(str(host), partial(self._dial, number), self.failed)
+        else:
+            self._context.resolver.resolve(address[0], partial(self._dial, address[1]), self.failed)
 
     def _dial(self, port: int, address: str) -> None:
         if not self._closed:
@@ -132,38 +162,27 @@ class _Publisher:
             self.connection.connect(address, port)
 
 
-class _Connection(Stream):
+class _Connection(PublisherConnection):
     """The connection to one publisher."""
 
     def __init__(
         self, context: NodeContext, publisher: _Publisher, uri: str, fields: dict[str, str], taken: Taken
     ) -> None:
-        sock = dialled_socket()
-        super().__init__(context.reactor, sock, uri)
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        self._publisher, self._fields, self._taken = publisher, fields, taken
+        super().__init__(context, uri, fields)
+        self._publisher, self._taken = publisher, taken
         self.sender = Sender("", latching=False)  #: the publisher, once its header has arrived
         self.message_bytes = 0  #: bytes of messages received
-        self._timer = context.reactor.call_later(PATIENCE, lambda: self.close("it sent no connection header in time"))
-        self.parse = header_parser(self._take_header)
 
-    def connected(self) -> None:
-        """Sends the subscriber's connection header."""
-        self.send(header_bytes(self._fields))
+    def greeted(self, header: dict[str, str]) -> None:
+        """Takes the publisher's connection header."""
+        self._publisher.greeted()
+        self.sender = Sender(header.get("callerid", ""), header.get("latching") == "1")
+        self.parse = self._messages
 
     def closed(self, reason: str) -> None:
         """Reports the end to the publisher."""
-        self._timer.cancel()
+        super().closed(reason)
         self._publisher.failed(reason)
-
-    def _take_header(self, header: dict[str, str]) -> None:
-        self._timer.cancel()
-        if "error" in header:
-            self.close(header["error"])
-        else:
-            self._publisher.greeted()
-            self.sender = Sender(header.get("callerid", ""), header.get("latching") == "1")
-            self.parse = self._messages
 
     def _messages(self, data: memoryview) -> int:
         position, size = 0, len(data)

@@ -7,10 +7,9 @@ from functools import partial
 from typing import Any
 from urllib.parse import urlsplit
 
-from tcpros.adapters.channel import dialled_socket
+from tcpros.adapters.dialled_stream import DialledStream
 from tcpros.adapters.reactor import Reactor
 from tcpros.adapters.resolver import Resolver
-from tcpros.adapters.stream import Stream
 from tcpros.core.error import TcprosError
 from tcpros.core.http import NONSENSE, http_message, http_request
 
@@ -28,20 +27,16 @@ class NoAnswer(str):
     """The reason why a call got no answer. The server may have executed it, and a retry may succeed."""
 
 
-class _Call(Stream):
+class _Call(DialledStream):
     """One call, on its own connection."""
 
     def __init__(self, reactor: Reactor, uri: str, body: bytes, answered: Callable[[bytes, str], None]) -> None:
-        super().__init__(reactor, dialled_socket(), uri)
+        parts = urlsplit(uri)
+        super().__init__(reactor, uri, http_request(parts.netloc, parts.path, body))
         self.parse = self._response
         self._answered = answered
         self._body: bytes | None = None
         self._received = bytearray()
-        parts = urlsplit(uri)
-        self._request = http_request(parts.netloc, parts.path, body)
-
-    def connected(self) -> None:
-        self.send(self._request)
 
     def closed(self, reason: str) -> None:
         if self._body is None and not reason:

@@ -20,31 +20,27 @@ class Pressure(Protocol):
         """Returns how many bytes were taken so far. This distinguishes a slow receiver from a stalled one."""
 
 
-class DirectSink(Protocol):
-    """A descriptor to which large messages may be written without `Outlet.push`."""
-
-    def fileno(self) -> int:
-        """Returns the descriptor."""
-
-    def passed(self, count: int, ended: bool) -> None:
-        """Records that bytes of the arriving frame, and its end if `ended`, were written to the descriptor."""
-
-
-class Outlet(Protocol):
-    """A receiver of frames."""
+class Outlet:
+    """A receiver of frames. Subclasses override `push`, and the rest as they need it."""
 
     backlog: Backlog  #: its send queue
+    pressure: Pressure  #: its load
 
     @property
-    def pressure(self) -> Pressure:
-        """The load of the receiver."""
-
-    @property
-    def direct(self) -> DirectSink | None:
-        """The descriptor for large messages as `Fanout.passage` allows; None if everything has to be pushed."""
+    def takes_directly(self) -> bool:
+        """Whether large messages may be written to `fileno` instead, as `Fanout.passage` allows."""
+        return False
 
     def push(self, chunk: Chunk) -> None:
         """Sends or queues a chunk."""
+        raise NotImplementedError
+
+    def fileno(self) -> int:
+        """Returns the descriptor for large messages, if it `takes_directly`."""
+        raise NotImplementedError
+
+    def passed(self, count: int, ended: bool) -> None:
+        """Records that bytes of the arriving frame, and its end if `ended`, were written to the descriptor."""
 
     def flush(self) -> None:
         """Sends queued data as far as the receiver takes it."""
@@ -59,7 +55,7 @@ class Outlet(Protocol):
 class Passage(NamedTuple):
     """A direct path to the receiver that bypasses `Fanout.feed`."""
 
-    sink: DirectSink  #: the receiver
+    sink: Outlet  #: the receiver
     remaining: int  #: missing bytes of the arriving message; 0 between messages, when the next length must be read
 
 
@@ -70,7 +66,7 @@ class Fanout:
         self.messages = 0  #: whole messages received
         self.bytes = 0  #: their bytes, including length prefixes
         self.latching = False  #: whether the source's last message is kept for new receivers
-        self.relieved: Callable[[], None] = _nobody_waits  #: called when a receiver takes more again after `is_full`
+        self.relieved: Callable[[], None] = do_nothing  #: called when a receiver takes more again after `is_full`
         self._max_message_size = max_message_size
         self._splitter = FrameSplitter(max_message_size)
         self._outlets: list[Outlet] = []
@@ -119,8 +115,8 @@ class Fanout:
         if not self._splitter.is_large or self.latching or self._leaving or len(self._outlets) != 1:
             return None
         outlet = self._outlets[0]
-        sink = outlet.direct if outlet.backlog.is_direct else None
-        return Passage(sink, self._splitter.remaining) if sink is not None else None
+        is_open = outlet.takes_directly and outlet.backlog.is_direct
+        return Passage(outlet, self._splitter.remaining) if is_open else None
 
     def passed(self, count: int) -> None:
         """Records bytes of one message that were sent through `passage`."""
@@ -128,9 +124,7 @@ class Fanout:
         ended = not self._splitter.remaining
         self.messages += ended
         self.bytes += count
-        sink = self._outlets[0].direct
-        assert sink is not None
-        sink.passed(count, ended)
+        self._outlets[0].passed(count, ended)
 
     def join(self, outlet: Outlet) -> None:
         """Adds a receiver. On a latched topic, it first gets the last message."""
@@ -202,5 +196,5 @@ class Fanout:
             self._partial.append(chunk.stable[chunk.tail :])
 
 
-def _nobody_waits() -> None:
-    """Default `relieved` callback."""
+def do_nothing() -> None:
+    """The default callback."""

@@ -5,6 +5,7 @@ A request is a little-endian 32-bit length and that many bytes. A response is th
 """
 
 import struct
+from dataclasses import dataclass
 
 from tcpros.core.error import TcprosError
 
@@ -52,30 +53,39 @@ class _Follower:
         return ended
 
 
-class Conversation:
-    """Tracks the successive calls on one connection."""
+@dataclass(slots=True)
+class CallTotals:
+    """Counts over all connections to one service."""
 
-    def __init__(self, max_size: int) -> None:
-        self.calls = 0  #: complete responses so far
-        self.bytes = 0  #: bytes of requests and responses so far
-        self._asked = 0
+    calls: int = 0  #: complete responses so far
+    bytes: int = 0  #: bytes of requests and responses so far
+
+
+class Conversation:
+    """Tracks the successive calls on one connection, and adds them to the totals."""
+
+    def __init__(self, max_size: int, totals: CallTotals) -> None:
+        self._totals = totals
+        self._pending = 0
         self._requests = _Follower(0, max_size)
         self._responses = _Follower(1, max_size)
 
     def request(self, data: memoryview) -> None:
         """Processes bytes from the client. Raises ServiceCallError."""
-        self.bytes += len(data)
-        self._asked += self._requests.feed(data)
+        self._totals.bytes += len(data)
+        self._pending += self._requests.feed(data)
 
     def response(self, data: memoryview) -> None:
         """Processes bytes from the server. Raises ServiceCallError."""
-        self.bytes += len(data)
-        self.calls += self._responses.feed(data)
+        self._totals.bytes += len(data)
+        answered = self._responses.feed(data)
+        self._totals.calls += answered
+        self._pending -= answered
 
     @property
     def is_waiting(self) -> bool:
         """Whether the client still expects a response, so that closing the connection is an error for it."""
-        return self._requests.is_within or self.calls < self._asked
+        return self._requests.is_within or self._pending > 0
 
     def error(self, reason: str) -> bytes:
         """Returns the error response for a pending call; b"" if no call is pending or its response has begun.
@@ -84,5 +94,10 @@ class Conversation:
         """
         if not self.is_waiting or self._responses.is_within:
             return b""
-        text = reason.encode()
-        return _FAILED + _LENGTH.pack(len(text)) + text
+        return failure(reason)
+
+
+def failure(reason: str) -> bytes:
+    """Returns the response that reports a failed call."""
+    text = reason.encode()
+    return _FAILED + _LENGTH.pack(len(text)) + text
