@@ -89,7 +89,7 @@ class Master(MasterClient):
         ending = threading.Thread(target=server.shutdown)
         ending.start()
         while ending.is_alive():
-            _poke(self.port)
+            is_running(self.uri)
             ending.join(0.01)
         self._master.stop()
         self._home.cleanup()
@@ -113,10 +113,3 @@ def is_running(uri: str, timeout: float = 1.0) -> bool:
     except OSError:
         return False
     return True
-
-
-def _poke(port: int) -> None:
-    try:
-        socket.create_connection((_LOOPBACK, port), 1.0).close()
-    except OSError:
-        return
