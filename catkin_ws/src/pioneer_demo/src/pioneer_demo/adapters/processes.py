@@ -8,25 +8,14 @@ import signal
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 
 from pioneer_demo.adapters.network import Networks
-from pioneer_demo.core.command import (
-    FIRST_ROBOT_MASTER,
-    HUB,
-    HUB_GATEWAY_MASTER,
-    HUB_MASTER,
-    PAGE,
-    Command,
-    Ports,
-    commands,
-)
-from pioneer_demo.core.cost import Cost
+from pioneer_demo.core.command import Command, Ports, commands
 from pioneer_demo.core.kind import COMMAND, kind
 from pioneer_demo.core.launch_log import NodeDeath, node_deaths, plain, restarted_nodes
 from pioneer_demo.core.option import FleetConfig
 from pioneer_demo.core.relapse import Relapses
-from pioneer_harness.accounting import Account
+from pioneer_harness.accounting import Account, Usage
 from pioneer_harness.error import ProcessDiedError
 from pioneer_harness.port import PortReservation
 from pioneer_harness.proc import arguments, descendants
@@ -47,7 +36,7 @@ class FleetProcesses:
     def __init__(self, config: FleetConfig) -> None:
         self._config, self._log = config, config.log
         self._reservation = PortReservation()
-        self.ports = _ports(self._reservation, config.robots)
+        self.ports = Ports.taken(config.robots, self._reservation.take)
         self.networks = Networks(config.linked, self.ports.hub)
         self.group = ProcessGroup()
         self._account = Account(kind, short=COMMAND)
@@ -145,12 +134,11 @@ class FleetProcesses:
         """Samples the resource usage of the processes."""
         self.group.sample(self._account)
 
-    def costs(self) -> dict[str, Cost]:
+    def costs(self) -> dict[str, Usage]:
         """Returns the cost by kind of process up to the last sample, including this process."""
         user, system, *_ = os.times()
         rss = int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-        usage = {name: Cost(used.cpu, used.rss, used.processes) for name, used in self._account.usage().items()}
-        return {**usage, "this command": Cost(user + system, rss, 1)}
+        return {**self._account.usage(), "this command": Usage(user + system, rss, 1)}
 
     def cpu(self) -> float:
         """Returns the total CPU time so far [s], including this process."""
@@ -171,9 +159,7 @@ class FleetProcesses:
     def __enter__(self) -> "FleetProcesses":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop(_LAST_GRACE, lambda: False)
 
     def _news(self, log: Path) -> str:
@@ -192,16 +178,6 @@ def _found(argv: Sequence[str]) -> Sequence[str]:
             if (path := Path(prefix, "lib", *argv[1:3])).is_file():
                 return [str(path), *argv[3:]]
     return argv
-
-
-def _ports(reservation: PortReservation, robots: int) -> Ports:
-    return Ports(
-        hub=reservation.take(HUB),
-        hub_master=reservation.take(HUB_MASTER),
-        hub_gateway_master=reservation.take(HUB_GATEWAY_MASTER),
-        robot_masters=tuple(reservation.take(FIRST_ROBOT_MASTER + index) for index in range(robots)),
-        page=reservation.take(PAGE),
-    )
 
 
 def _logs(death: NodeDeath) -> list[Path]:

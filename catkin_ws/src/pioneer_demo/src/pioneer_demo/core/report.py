@@ -5,10 +5,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pioneer_demo.core.cost import Cost
 from pioneer_demo.core.fleet import Fleet
 from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.view import number
+from pioneer_harness.accounting import Usage
 from pioneer_node.core.count import counted
 
 FORMAT = 1
@@ -24,7 +24,7 @@ class Outcome:
     seconds_to_moving: float  #: the same for the moment when the last robot started to move; nan if one never moved
     drive_wall: float  #: wall time from sending the waypoints to the end [s]
     drive_cpu: float  #: CPU time [s] of all processes in that time
-    costs: Mapping[str, Cost]  #: by kind of process, including start-up
+    costs: Mapping[str, Usage]  #: by kind of process, including start-up
 
 
 def report(fleet: Fleet, outcome: Outcome, settings: Mapping[str, Any]) -> dict[str, Any]:
