@@ -24,14 +24,14 @@ def make_outputs(config: FleetConfig) -> None:
         encoder()
     if config.record is not None:
         _check_folder("--record", config.record.parent)
-    for option, folder in config.outputs:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except FileExistsError:
-            raise OptionError(f"{option} must be a folder; {folder} is a file") from None
-        except OSError as error:
-            raise OptionError(f"{option}: cannot create the folder {folder} ({error.strerror})") from None
-        _check_folder(option, folder)
+    option, folder = config.output
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise OptionError(f"{option} must be a folder; {folder} is a file") from None
+    except OSError as error:
+        raise OptionError(f"{option}: cannot create the folder {folder} ({error.strerror})") from None
+    _check_folder(option, folder)
     for name, content in written_files(config).items():
         config.log.mkdir(exist_ok=True)
         (config.log / name).write_text(yaml.safe_dump(content))

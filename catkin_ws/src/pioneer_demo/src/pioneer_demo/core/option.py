@@ -4,7 +4,7 @@ import argparse
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, ClassVar, NoReturn
 
 from pioneer_demo.core.capacity import factor_held
 from pioneer_demo.core.error import OptionError
@@ -19,6 +19,7 @@ OBSERVER = "fleet_observer"
 class FleetConfig:
     """Configuration of a fleet."""
 
+    restarts_nodes: ClassVar = True  #: whether launch files may respawn dead nodes
     robots: int = 2  #: number of robots
     #: name of a world of pioneer_gazebo, or path of a .world file with its map beside it
     world: str = "closed_maze"
@@ -36,6 +37,7 @@ class FleetConfig:
     #: node parameters, by name in each robot's namespace or as ``/gazebo/NAME``
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     programs: tuple[str, ...] = ()  #: extra command lines to run on each robot's computer; ``{robot}`` is its name
+    faults: tuple[Fault, ...] = ()  #: faults to inject into a demo
     lockstep: bool = False  #: whether simulated time waits for the robots' nodes in each period; implies factor 0
 
     @property
@@ -49,18 +51,8 @@ class FleetConfig:
         )
 
     @property
-    def restarts_nodes(self) -> bool:
-        """Whether launch files may respawn dead nodes; a demo reports a node's death as a fault."""
-        return True
-
-    @property
     def rings(self) -> tuple[str, ...]:
         """The rings that lockstep waits for; empty for the robots' rings only."""
-        return ()
-
-    @property
-    def linked(self) -> tuple[str, ...]:
-        """The robots whose links have faults."""
         return ()
 
     @property
@@ -74,22 +66,27 @@ class FleetConfig:
         return _map_name(self.world)
 
     @property
-    def outputs(self) -> tuple[tuple[str, Path], ...]:
-        """The output folders, with their options."""
-        return (("--log", self.log),)
+    def linked(self) -> tuple[str, ...]:
+        """The robots whose links have faults."""
+        return tuple(dict.fromkeys(fault.link for fault in self.faults if fault.link))
+
+    @property
+    def output(self) -> tuple[str, Path]:
+        """The output folder, with its option."""
+        return "--log", self.log
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DemoConfig(FleetConfig):
     """Configuration of a demo."""
 
+    restarts_nodes: ClassVar = False  #: the death of a node is a fault
     waypoints: int = 3  #: waypoints per robot
     report: Path = Path("demo-report")  #: directory for report.json, fleet.png and the logs
     log: Path = Path("demo-report/log")
     limit: float = 0.0  #: simulated time after which the fleet counts as stuck [s]; 0: proportional to the route length
     video: Path | None = None  #: video file; None for none
     goals: tuple[tuple[Goal, ...], ...] = ()  #: goals of each robot; empty for random waypoints
-    faults: tuple[Fault, ...] = ()  #: faults to inject
     success: Success = dataclasses.field(default_factory=Success)  #: success criteria
     scenario: Path | None = None  #: scenario file; None if configured on the command line
 
@@ -99,19 +96,9 @@ class DemoConfig(FleetConfig):
         return (OBSERVER, *self.names) if self.lockstep else ()
 
     @property
-    def linked(self) -> tuple[str, ...]:
-        """The robots whose links have faults."""
-        return tuple(dict.fromkeys(fault.link for fault in self.faults if fault.link))
-
-    @property
-    def restarts_nodes(self) -> bool:
-        """Whether launch files may respawn dead nodes."""
-        return False
-
-    @property
-    def outputs(self) -> tuple[tuple[str, Path], ...]:
-        """The output folders, with their options."""
-        return (("--report", self.report),)
+    def output(self) -> tuple[str, Path]:
+        """The output folder, with its option."""
+        return "--report", self.report
 
 
 def _is_path(world: str) -> bool:
@@ -123,7 +110,16 @@ def _map_name(world: str) -> str:
 
 
 class Parser(argparse.ArgumentParser):
-    """Argument parser that raises errors as `OptionError`."""
+    """Argument parser of a command that raises errors as `OptionError`."""
+
+    def __init__(self, command: str, description: str, epilog: str) -> None:
+        super().__init__(
+            f"./pioneer {command}",
+            description=description,
+            epilog=epilog,
+            allow_abbrev=False,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
 
     def error(self, message: str) -> NoReturn:
         """Raises `OptionError`."""
@@ -166,7 +162,8 @@ def scenario_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
     file, log = given.pop("scenario"), given["report"] / "log"
     said = machine.scenario_of(file)
     count = said.robots if isinstance(said.robots, int) else len(said.robots)
-    options = {name: given.pop(name) if given[name] is not None else getattr(said, name) for name in _OVERRIDDEN}
+    overridden = ("seed", "real_time_factor")
+    options = {name: given.pop(name) if given[name] is not None else getattr(said, name) for name in overridden}
     given["lockstep"] = given["lockstep"] or said.lockstep
     if given["lockstep"]:
         options["real_time_factor"] = None
@@ -183,9 +180,6 @@ def scenario_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
         raise OptionError("--record: the robots' masters cannot be reached where links have faults")
     _check_demo(config)
     return config
-
-
-_OVERRIDDEN = ("seed", "real_time_factor")
 
 
 CONFIGS = {"demo": demo_config, "fleet": fleet_config, "run-scenario": scenario_config}
@@ -263,17 +257,9 @@ def _check_demo(config: DemoConfig) -> None:
         raise OptionError(f"--limit must be 0 (in proportion to the way) or more seconds, not {config.limit:g}")
 
 
-def _parser(prog: str, description: str, epilog: str, worlds: Sequence[str]) -> Parser:
-    """Returns a parser with the options common to all fleets."""
-    default = FleetConfig()
-    parser = Parser(
-        prog=prog,
-        description=description,
-        epilog=epilog,
-        allow_abbrev=False,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add = parser.add_argument
+def _add_common(parser: Parser, worlds: Sequence[str]) -> None:
+    """Adds the options common to all fleets."""
+    default, add = FleetConfig(), parser.add_argument
     add("--robots", type=int, metavar="N", help=f"robots (default {default.robots})")
     add("--fleet", type=Path, metavar="FILE", help="fleet file: robots of different kinds (pioneer_demo's README)")
     add("--world", default=default.world, metavar="W",
@@ -289,7 +275,6 @@ def _parser(prog: str, description: str, epilog: str, worlds: Sequence[str]) -> 
     add("--traffic", action="store_true", help="the robots keep the right of way with one another (docs/traffic.md)")
     _add_record(parser)
     add("--web", action="store_true", help="serve the fleet in the browser, on this machine only (docs/web.md)")
-    return parser
 
 
 def _add_record(parser: Parser) -> None:
@@ -298,8 +283,8 @@ def _add_record(parser: Parser) -> None:
 
 
 def _fleet_parser(worlds: Sequence[str]) -> Parser:
-    parser = _parser(
-        "./pioneer fleet",
+    parser = Parser(
+        "fleet",
         "Starts a fleet of simulated Pioneers on this machine and keeps it up: a hub, a hub gateway with\n"
         "the simulator, and one ROS master, gateway and navigation a robot. Ctrl-C ends everything.",
         "Meanwhile, in other terminals:\n"
@@ -307,22 +292,19 @@ def _fleet_parser(worlds: Sequence[str]) -> Parser:
         "  ./pioneer rviz                RViz of the fleet\n"
         "  ./pioneer teleop pioneer1     drive a robot by keyboard\n"
         "Example: ./pioneer fleet --robots 5 --world utm_0",
-        worlds,
     )
-    add = parser.add_argument
-    add("--log", type=Path, default=FleetConfig().log, metavar="DIR", help="logs (default %(default)s)")
+    _add_common(parser, worlds)
+    parser.add_argument("--log", type=Path, default=FleetConfig().log, metavar="DIR", help="logs (default %(default)s)")
     return parser
 
 
 def _scenario_parser() -> Parser:
     parser = Parser(
-        prog="./pioneer run-scenario",
-        description="Runs what a scenario's file describes: world, robots, tasks, faults, and what counts as success.\n"
+        "run-scenario",
+        "Runs what a scenario's file describes: world, robots, tasks, faults, and what counts as success.\n"
         "FILE is a path, or the name of one that pioneer_demo ships in scenarios/.",
-        epilog="Exit status: 0 for a success, 1 for none, 2 for a wrong file or option, 130 after Ctrl-C.\n"
+        "Exit status: 0 for a success, 1 for none, 2 for a wrong file or option, 130 after Ctrl-C.\n"
         "Example: ./pioneer run-scenario doorway",
-        allow_abbrev=False,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("scenario", type=Path, metavar="FILE", help="the scenario (pioneer_demo's README has its fields)")
@@ -344,15 +326,15 @@ def _add_outputs(parser: Parser) -> None:
 
 def _demo_parser(worlds: Sequence[str]) -> Parser:
     default = DemoConfig()
-    parser = _parser(
-        "./pioneer demo",
+    parser = Parser(
+        "demo",
         "Starts a fleet as ./pioneer fleet does, sends every robot to waypoints, and reports how it went.\n"
         "Ctrl-C ends everything.",
         "Exit status: 0 when every waypoint was reached without a collision, 1 when not, 2 for bad arguments,\n"
         "130 after Ctrl-C.\n"
         "Example: ./pioneer demo --robots 5 --world utm_0 --video run.mp4",
-        worlds,
     )
+    _add_common(parser, worlds)
     add = parser.add_argument
     add("--waypoints", type=int, default=default.waypoints, metavar="K", help="a robot (default %(default)s)")
     add("--limit", type=float, default=default.limit, metavar="T",

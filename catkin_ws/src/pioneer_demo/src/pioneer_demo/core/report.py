@@ -101,10 +101,10 @@ def _robot_table(robots: Mapping[str, Any]) -> str:
         (
             name,
             f"{robot['reached']}/{robot['waypoints']}",
-            f"{_number(robot['seconds'], 1)} s",
-            f"{_number(robot['path_length'], 1)} m",
-            f"{_number(robot['localisation_error']['mean'], 3)} m",
-            f"{_number(robot['localisation_error']['p95'], 3)} m",
+            f"{number(robot['seconds'], 1)} s",
+            f"{number(robot['path_length'], 1)} m",
+            f"{number(robot['localisation_error']['mean'], 3)} m",
+            f"{number(robot['localisation_error']['p95'], 3)} m",
             str(robot["collisions"]),
         )
         for name, robot in robots.items()
@@ -115,9 +115,9 @@ def _robot_table(robots: Mapping[str, Any]) -> str:
 def _drive_line(numbers: Mapping[str, Any]) -> str:
     drive = numbers["drive"]
     return (
-        f"{_number(drive['simulated_seconds'], 1)} s simulated in {_number(drive['wall_seconds'], 1)} s: real-time "
-        f"factor {_number(drive['real_time_factor'], 2)}, {_number(drive['cpu_seconds_per_simulated_second'], 2)} "
-        f"CPU-s a simulated second; all moving {_number(numbers['seconds_to_moving'], 1)} s after the start\n"
+        f"{number(drive['simulated_seconds'], 1)} s simulated in {number(drive['wall_seconds'], 1)} s: real-time "
+        f"factor {number(drive['real_time_factor'], 2)}, {number(drive['cpu_seconds_per_simulated_second'], 2)} "
+        f"CPU-s a simulated second; all moving {number(numbers['seconds_to_moving'], 1)} s after the start\n"
         f"{drive['messages']} messages, {drive['bytes'] / 1e6:.1f} MB between base station and robots"
     )
 
@@ -153,10 +153,6 @@ def verdict_line(numbers: Mapping[str, Any]) -> str:
     arrived = counted(sent, "waypoint") if reached == sent else f"{reached} of {counted(sent, 'waypoint')}"
     contacts = counted(collisions, "collision") if collisions else "no collision"
     return f"Success: {counted(len(robots), 'robot')}, {arrived} reached, {contacts}"
-
-
-def _number(value: float | None, digits: int) -> str:
-    return number(math.nan if value is None else value, digits)
 
 
 def _without_nan(value: Any) -> Any:

@@ -1,6 +1,5 @@
 """Command line of ``./pioneer experiment``."""
 
-import argparse
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
@@ -41,13 +40,11 @@ def experiment_config(arguments: Sequence[str], machine: Machine) -> ExperimentC
 
 def _parser() -> Parser:
     parser = Parser(
-        prog="./pioneer experiment",
-        description="Runs a scenario many times: variants, each with the same seeds. Writes a table, a summary and a\n"
+        "experiment",
+        "Runs a scenario many times: variants, each with the same seeds. Writes a table, a summary and a\n"
         "page with figures. What is done is kept: the same command continues after Ctrl-C.",
-        epilog="Exit status: 0 when all runs are done, 1 when not, 2 for a wrong file or option, 130 after Ctrl-C.\n"
+        "Exit status: 0 when all runs are done, 1 when not, 2 for a wrong file or option, 130 after Ctrl-C.\n"
         "Example: ./pioneer experiment head_on_planners.yaml --runs 100",
-        allow_abbrev=False,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("study", type=Path, metavar="STUDY", help="the study's file (pioneer_demo's README has its fields)")

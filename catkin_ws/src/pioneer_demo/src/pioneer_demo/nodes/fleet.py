@@ -18,9 +18,8 @@ from pioneer_demo.core.error import StartError
 from pioneer_demo.core.fleet import Fleet
 from pioneer_demo.core.option import OBSERVER, FleetConfig
 from pioneer_demo.core.recording import Recording
-from pioneer_demo.core.status import fleet_status
 from pioneer_demo.core.track import RobotTrack
-from pioneer_demo.core.view import fleet_lines, guide
+from pioneer_demo.core.view import fleet_lines, fleet_status, guide
 from pioneer_demo.nodes.flip import STATE, FlipRequest
 from pioneer_demo.nodes.observer import ObserverNode
 from pioneer_fleet.adapters.registry import Entry
@@ -140,7 +139,7 @@ class FleetRun:
         self.display.clear()
         try:
             if in_order:
-                return self.processes.stop(_GRACE, urgent=self._interrupt.has_come)
+                return self.processes.stop(_GRACE, urgent=self._interrupt.is_set)
             return self.processes.stop(_GRACE_IN_A_HURRY, urgent=lambda: False)
         finally:
             self._entry.close()
