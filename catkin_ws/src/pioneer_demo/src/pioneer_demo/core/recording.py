@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pioneer_fleet.core.geometry import Points, Pose
+from pioneer_fleet.core.geometry import Points, Pose, pose_at
 
 INTERVAL = 0.1
 """Minimum time between two recorded poses, or scans, of a robot [s of simulated time]."""
@@ -52,14 +52,7 @@ class Recording:
 
     def pose(self, name: str, time: float) -> Pose | None:
         """Returns a robot's pose at ``time``, linearly interpolated; None before the first pose."""
-        kept = self._poses.get(name, [])
-        after = bisect.bisect_right(kept, time, key=lambda one: one[0])
-        if after == 0:
-            return None
-        if after == len(kept):
-            return kept[-1][1]
-        (a, before), (b, following) = kept[after - 1], kept[after]
-        return before.between(following, (time - a) / (b - a))
+        return pose_at(self._poses.get(name, []), time)
 
     def scan(self, name: str, time: float) -> tuple[float, Hits]:
         """Returns stamp and end points of the newest scan at ``time``; no points before the first scan."""

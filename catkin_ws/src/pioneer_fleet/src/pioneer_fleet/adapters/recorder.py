@@ -36,7 +36,7 @@ class Recorder:
     def __init__(self, path: Path, masters: Mapping[str, str]) -> None:
         """``masters`` maps names to master URIs."""
         self._masters = {name: Client(uri, NAME) for name, uri in masters.items()}
-        self._writer = BagFile(path) if path.suffix == ".bag" else McapFile(path)
+        self._writer: BagFile | McapFile = BagFile(path) if path.suffix == ".bag" else McapFile(path)
         self._connected: set[tuple[str, str, str]] = set()
         self._proxies: set[tuple[str, str]] = set()
         self._waiting: queue.Queue[Message | None] = queue.Queue(_WAITING)

@@ -17,7 +17,7 @@ class Kind(NamedTuple):
     definition: str
     latching: bool
 
-    def message_class(self, *bases: type) -> type:
+    def message_class(self, *bases: Any) -> Any:
         """Returns a class for its serialised messages."""
         return type("Raw", bases, {"_type": self.type, "_md5sum": self.md5sum, "_full_text": self.definition})
 
