@@ -12,9 +12,8 @@ from pathlib import Path
 from pioneer_demo.adapters.network import Networks
 from pioneer_demo.core.command import Command, Ports, commands
 from pioneer_demo.core.kind import COMMAND, kind
-from pioneer_demo.core.launch_log import NodeDeath, node_deaths, plain, restarted_nodes
+from pioneer_demo.core.launch_log import NodeDeath, Relapses, node_deaths, plain, restarted_nodes
 from pioneer_demo.core.option import FleetConfig
-from pioneer_demo.core.relapse import Relapses
 from pioneer_harness.accounting import Account, Usage
 from pioneer_harness.error import ProcessDiedError
 from pioneer_harness.port import PortReservation

@@ -1,18 +1,22 @@
-"""Command lines of ``./pioneer fleet``, ``./pioneer demo`` and ``./pioneer run-scenario``."""
+"""Command lines of ``./pioneer fleet``, ``demo``, ``run-scenario`` and ``experiment``."""
 
 import argparse
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NoReturn
 
-from pioneer_demo.core.capacity import factor_held
 from pioneer_demo.core.error import OptionError
 from pioneer_demo.core.scenario import Fault, Goal, Scenario, Success
 from pioneer_node.core.fleet_file import RobotEntry
 
 OBSERVER = "fleet_observer"
 """Name of the node that observes the fleet, and of its ring in lockstep."""
+_ROBOTS_A_PROCESSOR = 6.75
+"""Robots, with navigation and gateway, that one processor runs in real time (docs/performance.md)."""
+MOST_JOBS = 1000
+"""Maximum number of workers on one machine; each runs a fleet."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -101,6 +105,18 @@ class DemoConfig(FleetConfig):
         return "--report", self.report
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ExperimentConfig:
+    """Configuration of an experiment."""
+
+    study: Path  #: the study's file
+    runs: int = 0  #: runs per variant; 0 for the file's value
+    jobs: int = 1  #: workers on this machine
+    scheduler: str = ""  #: address of a dask scheduler to use instead; empty for none
+    output: Path  #: the study's folder
+    keep: bool = False  #: whether to keep each run's report and logs
+
+
 def _is_path(world: str) -> bool:
     return "/" in world or world.endswith(".world")
 
@@ -182,6 +198,17 @@ def scenario_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
     return config
 
 
+def experiment_config(arguments: Sequence[str], machine: Machine) -> ExperimentConfig:
+    """Returns the configuration of ``./pioneer experiment``; see `demo_config`."""
+    values = vars(_experiment_parser().parse_args(arguments))
+    values["output"] = values["output"] or Path(f"{values['study'].stem}-study")
+    values["jobs"] = max(1, int(machine.processors)) if values["jobs"] is None else values["jobs"]
+    if not (1 <= values["jobs"] <= MOST_JOBS and values["runs"] >= 0):
+        text = f"--jobs must be 1 to {MOST_JOBS} and --runs 0 or more, not {values['jobs']} and {values['runs']}"
+        raise OptionError(text)
+    return ExperimentConfig(**values)
+
+
 CONFIGS = {"demo": demo_config, "fleet": fleet_config, "run-scenario": scenario_config}
 """Configuration function of each command."""
 
@@ -206,6 +233,11 @@ def _chosen(values: dict[str, Any], machine: Machine) -> dict[str, Any]:
         factor = factor_held(values["robots"], machine.processors)
         return {**values, "real_time_factor": factor, "processors": machine.processors}
     return values
+
+
+def factor_held(robots: int, processors: float) -> float:
+    """Returns the real-time factor at which navigation keeps up, rounded down to a multiple of 0.05; at most 1."""
+    return min(1.0, max(0.05, math.floor(20 * _ROBOTS_A_PROCESSOR * processors / robots) / 20))
 
 
 def check_fleet(robots: int, world: str, places: Mapping[str, int], places_elsewhere: int | None = None) -> None:
@@ -340,4 +372,22 @@ def _demo_parser(worlds: Sequence[str]) -> Parser:
     add("--limit", type=float, default=default.limit, metavar="T",
         help="simulated seconds until a fleet counts as stuck (default: in proportion to the way)")  # fmt: skip
     _add_outputs(parser)
+    return parser
+
+
+def _experiment_parser() -> Parser:
+    parser = Parser(
+        "experiment",
+        "Runs a scenario many times: variants, each with the same seeds. Writes a table, a summary and a\n"
+        "page with figures. What is done is kept: the same command continues after Ctrl-C.",
+        "Exit status: 0 when all runs are done, 1 when not, 2 for a wrong file or option, 130 after Ctrl-C.\n"
+        "Example: ./pioneer experiment head_on_planners.yaml --runs 100",
+    )
+    add = parser.add_argument
+    add("study", type=Path, metavar="STUDY", help="the study's file (pioneer_demo's README has its fields)")
+    add("--runs", type=int, default=0, metavar="N", help="of each variant, instead of the file's")
+    add("--jobs", type=int, metavar="J", help="runs at a time on this machine (default: its processors)")
+    add("--scheduler", default="", metavar="URL", help="a dask scheduler, tcp://…, whose workers do the runs")
+    add("--output", type=Path, metavar="DIR", help="the study's folder (default: STUDY-study)")
+    add("--keep", action="store_true", help="keep each run's report and logs, in DIR/reports")
     return parser
