@@ -47,8 +47,8 @@ def _draw_robot(axes: Any, robot: RobotTrack, paint: str) -> None:
     label = f"{robot.name}: {robot.reached}/{len(robot.visits)} waypoints, {robot.path_length:.1f} m"
     driven = np.array(robot.driven or [(np.nan, np.nan)])
     axes.plot(*driven.T, color=paint, linewidth=2.4, alpha=0.75, solid_capstyle="round", zorder=4, label=label)
-    if robot.start is not None:
-        axes.plot(*robot.start, marker="s", markersize=8, color=paint, markeredgecolor="white", zorder=6)
+    if robot.driven:
+        axes.plot(*robot.driven[0], marker="s", markersize=8, color=paint, markeredgecolor="white", zorder=6)
     for number, visit in enumerate(robot.visits, 1):
         x, y = visit.leg.goal.x, visit.leg.goal.y
         face, ink = (paint, "white") if visit.reached else ("white", paint)

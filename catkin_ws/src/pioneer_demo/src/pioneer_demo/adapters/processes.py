@@ -108,9 +108,9 @@ class FleetProcesses:
         for log in self._read:
             news = self._news(log)
             for death in node_deaths(news):
-                text = _told(death, log)
+                text, reason = _told(death, log)
                 self._dead[log, death.name] = time.monotonic(), text
-                if self._relapses.died((log, death.name), death.name, _reason(death, log), time.monotonic()):
+                if self._relapses.died((log, death.name), death.name, reason, time.monotonic()):
                     text = f"{death.name} keeps dying; the last time: {text}"
                     if starting:
                         raise ProcessDiedError(text)
@@ -179,22 +179,15 @@ def _found(argv: Sequence[str]) -> Sequence[str]:
     return argv
 
 
-def _logs(death: NodeDeath) -> list[Path]:
-    return [Path(name) for name in sorted(glob.glob(death.log))] if death.log else []
-
-
-def _reason(death: NodeDeath, launch_log: Path) -> str:
-    """Returns one line with a node's exit code and the last error it logged."""
-    how = "no exit code" if death.status is None else f"exit code {death.status}"
-    lines = "\n".join(map(last_lines, [*_logs(death), launch_log])).splitlines()
-    errors = [plain(line).strip() for line in lines if _ERROR.search(line)]
-    return f"{how}: {errors[-1]}" if errors else how
-
-
-def _told(death: NodeDeath, launch_log: Path) -> str:
-    how = "" if death.status is None else f", exit code {death.status}"
-    logs = _logs(death)
+def _told(death: NodeDeath, launch_log: Path) -> tuple[str, str]:
+    """Returns a node's death with the last lines of its logs, and one line: its exit code and the last error."""
     # Screen output, such as a traceback, is in roslaunch's own log; the rest is in the node's log file.
-    ends = ((path, last_lines(path)) for path in [*logs, launch_log])
-    text = "\n".join(f"  the last lines of {path}:\n{lines}" for path, lines in ends if lines)
-    return f"{death.name} (pid {death.pid}) has died{how}\n{text}"
+    ends = {path: last_lines(path) for path in [*map(Path, sorted(glob.glob(death.log))), launch_log]}
+    how = "" if death.status is None else f", exit code {death.status}"
+    text = "\n".join(f"  the last lines of {path}:\n{lines}" for path, lines in ends.items() if lines)
+    reason = how.removeprefix(", ") or "no exit code"
+    errors = [plain(line).strip() for line in "\n".join(ends.values()).splitlines() if _ERROR.search(line)]
+    return (
+        f"{death.name} (pid {death.pid}) has died{how}\n{text}",
+        f"{reason}: {errors[-1]}" if errors else reason,
+    )

@@ -17,7 +17,6 @@ Hits = NDArray[np.float32]
 
 NOTHING: Hits = np.empty((0, 2), np.float32)
 
-
 Kept = TypeVar("Kept")
 
 
@@ -31,15 +30,11 @@ class Recording:
 
     def add_pose(self, name: str, stamp: float, pose: Pose) -> None:
         """Records a robot's pose, unless it is out of order or less than `INTERVAL` after the previous one."""
-        kept = self._poses[name]
-        if not kept or stamp >= kept[-1][0] + INTERVAL - 1e-6:
-            kept.append((stamp, pose))
+        _append(self._poses[name], stamp, pose)
 
     def add_scan(self, name: str, stamp: float, hits: Hits) -> None:
         """Records a robot's scan, under the same condition as `add_pose`."""
-        kept = self._scans[name]
-        if not kept or stamp >= kept[-1][0] + INTERVAL - 1e-6:
-            kept.append((stamp, hits))
+        _append(self._scans[name], stamp, hits)
 
     def add_plan(self, name: str, stamp: float, points: Points) -> None:
         """Records a robot's plan, valid until its next one."""
@@ -61,6 +56,11 @@ class Recording:
     def plan(self, name: str, time: float) -> Points:
         """Returns a robot's plan at ``time``; empty before the first."""
         return (_newest(self._plans.get(name, []), time) or (time, []))[1]
+
+
+def _append(kept: list[tuple[float, Kept]], stamp: float, value: Kept) -> None:
+    if not kept or stamp >= kept[-1][0] + INTERVAL - 1e-6:
+        kept.append((stamp, value))
 
 
 def _newest(kept: list[tuple[float, Kept]], time: float) -> tuple[float, Kept] | None:

@@ -39,7 +39,7 @@ class RobotTrack:
         self.monitor = RobotMonitor()
         self.visits: list[Visit] = []
         self.pose: Pose | None = None
-        self.driven: Points = []
+        self.driven: Points = []  # from its first known position
         self.path_length = 0.0
         self.first_motion: float | None = None
         self.collisions = 0
@@ -55,11 +55,6 @@ class RobotTrack:
     def queue(self) -> Queue | None:
         """The waypoint client's newest report."""
         return self.monitor.queue
-
-    @property
-    def start(self) -> tuple[float, float] | None:
-        """The robot's first known position."""
-        return self.driven[0] if self.driven else None
 
     @property
     def localised(self) -> bool:

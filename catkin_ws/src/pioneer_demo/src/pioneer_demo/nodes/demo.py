@@ -155,7 +155,11 @@ class Demo(FleetRun):
         from pioneer_demo.adapters.picture import draw_fleet
 
         written = [self._config.report / "fleet.png"]
-        draw_fleet(floor, self.fleet, self._title(), written[0])
+        reached = sum(robot.reached for robot in self.fleet.robots)
+        count = sum(len(robot.visits) for robot in self.fleet.robots)
+        name, seed = self._config.map_name, self._config.seed
+        title = f"{name}, seed {seed}: {reached} of {count} waypoints reached"
+        draw_fleet(floor, self.fleet, title, written[0])
         if self._recording is not None and self._config.video is not None:
             from pioneer_demo.adapters.video import write_video
 
@@ -197,8 +201,3 @@ class Demo(FleetRun):
             "disturbances": [f"{fault.at:g} s: {fault}" for fault in config.faults],
             "ports": str(self.processes.ports),
         }
-
-    def _title(self) -> str:
-        reached = sum(robot.reached for robot in self.fleet.robots)
-        count = sum(len(robot.visits) for robot in self.fleet.robots)
-        return f"{self._config.map_name}, seed {self._config.seed}: {reached} of {count} waypoints reached"

@@ -89,10 +89,14 @@ class FleetRun:
         )
 
     def stay_up(self) -> NoReturn:
-        """Keeps the fleet running until shutdown is requested; shows its status only on a terminal."""
-        terminal = self.display.in_place
-        while True:
-            self.look(fleet_lines if terminal else None, "up")
+        """Starts the fleet and keeps it running until shutdown is requested; shows its status only on a terminal."""
+        try:
+            self.start()
+            print(guide(self._config, self.processes.ports, self.watch.seconds()), flush=True)
+            while True:
+                self.look(fleet_lines if self.display.in_place else None, "up")
+        finally:
+            self.stop(in_order=False)
 
     @property
     def seen(self) -> ObserverNode:
@@ -143,10 +147,6 @@ class FleetRun:
             return self.processes.stop(_GRACE_IN_A_HURRY, urgent=lambda: False)
         finally:
             self._entry.close()
-
-    def guide(self) -> str:
-        """Returns usage instructions for the running fleet."""
-        return guide(self._config, self.processes.ports, self.watch.seconds())
 
     def _starting(self, condition: Callable[[], object], what: str, milestone: str) -> None:
         self._step += 1

@@ -81,13 +81,7 @@ def _run(config: FleetConfig, watch: Stopwatch, interrupt: Interrupt) -> int:
             return Demo(config, watch, interrupt, processes).run()
         from pioneer_demo.nodes.fleet import FleetRun
 
-        fleet = FleetRun(config, watch, interrupt, processes)
-        try:
-            fleet.start()
-            print(fleet.guide(), flush=True)
-            fleet.stay_up()
-        finally:
-            fleet.stop(in_order=False)
+        return FleetRun(config, watch, interrupt, processes).stay_up()
 
 
 def _configured(command: str, arguments: Sequence[str]) -> FleetConfig:
