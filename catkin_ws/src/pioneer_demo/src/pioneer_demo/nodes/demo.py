@@ -180,7 +180,6 @@ class Demo(FleetRun):
             self.watch.note(f"{name} moving", moment)
         everybody = len(moving) == len(self.fleet.robots)
         return Outcome(
-            success=not problems,
             faults=problems,
             milestones=self.watch.milestones,
             seconds_to_moving=self.watch.seconds(max(moving.values())) if everybody else math.nan,
