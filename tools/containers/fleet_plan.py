@@ -8,9 +8,8 @@ from containers import SOURCE
 from containers.engine import Computer, ContainerError
 from containers.state import BASE
 from pioneer_demo.adapters.world_folder import places_by_world
-from pioneer_demo.core.capacity import factor_held
 from pioneer_demo.core.error import OptionError
-from pioneer_demo.core.option import check_fleet
+from pioneer_demo.core.option import check_fleet, factor_held
 
 ROBOTS, WORLD = 5, "utm_0"
 """Defaults for a new fleet."""

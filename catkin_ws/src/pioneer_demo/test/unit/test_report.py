@@ -11,13 +11,13 @@ from PIL import Image
 
 from pioneer_demo.adapters.picture import draw_fleet
 from pioneer_demo.conversions import floor_from_grid
-from pioneer_demo.core.cost import Cost
 from pioneer_demo.core.fleet import Fleet
 from pioneer_demo.core.report import Outcome, columns, report, reproducible, table, verdict_line
 from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.waypoint import Leg
 from pioneer_fleet.core.geometry import Pose
 from pioneer_fleet.core.monitor import ClientState, Queue
+from pioneer_harness.accounting import Usage
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def fleet():
 
 @pytest.fixture
 def outcome():
-    return Outcome(True, [], {"simulator ready": 5.0}, 12.5, 10.0, 30.0, {"amcl": Cost(3.0, 50_000_000, 1)})
+    return Outcome([], {"simulator ready": 5.0}, 12.5, 10.0, 30.0, {"amcl": Usage(3.0, 50_000_000, 1)})
 
 
 def test_the_numbers_say_what_happened_and_are_json(fleet, outcome):
@@ -88,7 +88,7 @@ def test_what_the_machine_decides_is_apart_from_what_the_run_does(fleet, outcome
 
 def test_the_verdict_is_one_line(fleet, outcome):
     assert verdict_line(report(fleet, outcome, {})) == "Success: 1 robot, 1 waypoint reached, no collision"
-    failed = Outcome(False, ["pioneer1 collided once"], {}, math.nan, 1.0, 1.0, {})
+    failed = Outcome(["pioneer1 collided once"], {}, math.nan, 1.0, 1.0, {})
     assert verdict_line(report(fleet, failed, {})) == "Failed: pioneer1 collided once"
 
 

@@ -6,9 +6,8 @@ import pytest
 from pioneer_demo.adapters.scenario_file import scenario_folder, scenario_of
 from pioneer_demo.core.comparison import frame_of, summary_of
 from pioneer_demo.core.error import OptionError
-from pioneer_demo.core.option import Machine
+from pioneer_demo.core.option import Machine, experiment_config
 from pioneer_demo.core.study import Run, Study, merged, row_of
-from pioneer_demo.core.study_option import experiment_config
 from pioneer_node.adapters.document import read_content, read_document
 
 

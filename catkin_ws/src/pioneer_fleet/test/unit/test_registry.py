@@ -1,5 +1,6 @@
 """The fleets of this machine are found while they run, and only then."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -27,7 +28,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_a_fleet_is_found_from_its_first_status_to_its_end() -> None:
     assert running_fleets() == []
-    with Entry() as entry:
+    with contextlib.closing(Entry()) as entry:
         assert running_fleets() == []
         entry.write({"started": 2.0, "world": "blank"})
         assert running_fleets() == [{"started": 2.0, "world": "blank", "pid": os.getpid()}]

@@ -1,5 +1,6 @@
 """Accounts CPU time and memory of a process tree by kind, including processes that have ended."""
 
+import collections
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 
@@ -35,56 +36,37 @@ class Account:
         self._kind_of = kind_of
         self._short = short
         self._records: dict[tuple[int, int], _Record] = {}
-        self._peak_rss: dict[str, int] = {}
+        self._peak_rss = collections.Counter[str]()
 
     def add(self, states: Iterable[ProcessState], arguments_of: Callable[[int], Sequence[str]]) -> None:
         """Adds one sample: all processes of the tree that exist now."""
-        seen = set()
-        for state in states:
-            key = (state.pid, state.started)
-            seen.add(key)
-            self._update(key, state, arguments_of)
+        sample = {state.key: state for state in states}
+        for key, state in sample.items():
+            if state.alive:
+                # exec keeps the pid and changes the command line, so the kind is read again each time.
+                self._records[key] = _Record(self._kind_of(arguments_of(state.pid)), state)
+            elif key in self._records:  # a zombie has no command line, but still its final CPU times
+                self._records[key].state = dataclasses.replace(state, rss=0)
+        rss = collections.Counter[str]()
         for key, record in self._records.items():
-            record.ended = key not in seen
-        self._note_rss()
+            record.ended = key not in sample
+            if not record.ended:
+                rss[record.kind] += record.state.rss
+        self._peak_rss |= rss  # the maximum of each
 
     def usage(self) -> dict[str, Usage]:
         """Returns each kind's usage up to the last sample."""
-        cpu: dict[str, float] = {}
-        count: dict[str, int] = {}
+        cpu, count = collections.defaultdict[str, float](float), collections.Counter[str]()
         for record in self._records.values():
-            cpu[record.kind] = cpu.get(record.kind, 0.0) + record.state.cpu
-            count[record.kind] = count.get(record.kind, 0) + 1
-        cpu[self._short] = cpu.get(self._short, 0.0) + self._unseen_cpu()
-        return {
-            kind: Usage(seconds, self._peak_rss.get(kind, 0), count.get(kind, 0))
-            for kind, seconds in sorted(cpu.items())
-        }
-
-    def _update(self, key: tuple[int, int], state: ProcessState, arguments_of: Callable[[int], Sequence[str]]) -> None:
-        record = self._records.get(key)
-        if not state.alive:  # a zombie has no command line, but still its final CPU times
-            if record is not None:
-                record.state = dataclasses.replace(state, rss=0)
-            return
-        # exec keeps the pid and changes the command line, so the kind is read again each time.
-        kind = self._kind_of(arguments_of(state.pid))
-        self._records[key] = _Record(kind, state)
-
-    def _note_rss(self) -> None:
-        now: dict[str, int] = {}
-        for record in self._records.values():
-            if not record.ended:
-                now[record.kind] = now.get(record.kind, 0) + record.state.rss
-        for kind, rss in now.items():
-            self._peak_rss[kind] = max(rss, self._peak_rss.get(kind, 0))
+            cpu[record.kind] += record.state.cpu
+            count[record.kind] += 1
+        cpu[self._short] += self._unseen_cpu()
+        return {kind: Usage(seconds, self._peak_rss[kind], count[kind]) for kind, seconds in sorted(cpu.items())}
 
     def _unseen_cpu(self) -> float:
-        ended: dict[int, float] = {}
+        ended = collections.defaultdict[int, float](float)
         for record in self._records.values():
             if record.ended:
-                spent = record.state.cpu + record.state.waited_cpu
-                ended[record.state.parent] = ended.get(record.state.parent, 0.0) + spent
-        return sum(
-            max(0.0, record.state.waited_cpu - ended.get(record.state.pid, 0.0)) for record in self._records.values()
-        )
+                ended[record.state.parent] += record.state.cpu + record.state.waited_cpu
+        states = (record.state for record in self._records.values())
+        return sum(max(0.0, state.waited_cpu - ended[state.pid]) for state in states)

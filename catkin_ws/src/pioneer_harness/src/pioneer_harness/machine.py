@@ -5,6 +5,7 @@ import socket
 import subprocess
 
 from pioneer_harness.error import HarnessError
+from pioneer_harness.port import claimed
 
 _NETWORK, _CABLES = "10.231.77", 64
 """Each cable uses four addresses of the network."""
@@ -80,12 +81,7 @@ def _free_cable() -> tuple[int, socket.socket]:
     As in `PortReservation`, the reservation is an abstract socket name that lives as long as its socket.
     """
     for number in range(_CABLES):
-        name = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        try:
-            name.bind(f"\0pioneer-cable-{number}")
-        except OSError:
-            name.close()
-        else:
+        if (name := claimed(f"pioneer-cable-{number}")) is not None:
             return number, name
     raise MachineError(f"all {_CABLES} addresses for other machines are taken")
 

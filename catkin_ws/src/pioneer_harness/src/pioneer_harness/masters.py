@@ -1,15 +1,20 @@
-"""Real ROS masters inside the test process, each on its own port."""
+"""Real ROS masters, each on its own port: inside the test process, or as a process of their own."""
 
 import os
+import signal
 import socket
 import tempfile
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import rosgraph
 import rosmaster.master
 import rosmaster.util
+
+from pioneer_harness.process import ProcessGroup
+from pioneer_harness.wait import START, wait_until
 
 _LOOPBACK = "127.0.0.1"
 
@@ -89,7 +94,7 @@ class Master(MasterClient):
         ending = threading.Thread(target=server.shutdown)
         ending.start()
         while ending.is_alive():
-            _poke(self.port)
+            is_running(self.uri)
             ending.join(0.01)
         self._master.stop()
         self._home.cleanup()
@@ -99,6 +104,42 @@ class Master(MasterClient):
 
     def __exit__(self, *_: object) -> None:
         self.stop()
+
+
+class MasterProcess(MasterClient):
+    """A ROS master in a separate process, which can be killed, restarted, or run elsewhere; ends with its group.
+
+    Args:
+        group: the process group that starts it.
+        port: its TCP port.
+        folder: for its log and its nodes' logs.
+        host: its address.
+        prefix: command prefix that runs it elsewhere, such as in a network namespace.
+    """
+
+    def __init__(
+        self, group: ProcessGroup, port: int, folder: Path, host: str = "127.0.0.1", prefix: Sequence[str] = ()
+    ) -> None:
+        super().__init__(f"http://{host}:{port}/")
+        self.environment = {**os.environ, **environment(self.uri, folder), "ROS_IP": host}
+        self._argv = [*prefix, "rosmaster", "--core", "-p", str(port)]
+        self._group, self._log = group, folder / "master.log"
+        self._pid = self._start()
+
+    def _start(self) -> int:
+        pid = self._group.start("master", self._argv, self.environment, self._log, may_end=True)
+        wait_until(lambda: is_running(self.uri), f"the master {self.uri}", START)
+        return pid
+
+    def restart(self) -> None:
+        """Kills the master and starts it again without any state."""
+        os.kill(self._pid, signal.SIGKILL)
+        wait_until(lambda: not is_running(self.uri), "the master's end", 5)
+        self._pid = self._start()
+
+    def stop(self) -> None:
+        """Closes our connections; the process itself ends with its group."""
+        self.close_clients()
 
 
 def environment(uri: str, home: Path) -> dict[str, str]:
@@ -113,10 +154,3 @@ def is_running(uri: str, timeout: float = 1.0) -> bool:
     except OSError:
         return False
     return True
-
-
-def _poke(port: int) -> None:
-    try:
-        socket.create_connection((_LOOPBACK, port), 1.0).close()
-    except OSError:
-        return

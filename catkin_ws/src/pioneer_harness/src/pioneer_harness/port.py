@@ -1,8 +1,6 @@
 """Reserves free TCP ports so that two programs running in parallel never choose the same one."""
 
-import contextlib
 import socket
-from collections.abc import Iterator
 
 from pioneer_harness.error import PortError
 
@@ -19,7 +17,7 @@ class PortReservation:
     """
 
     def __init__(self) -> None:
-        self._held: dict[int, socket.socket] = {}
+        self._held: list[socket.socket] = []
 
     def take(self, preferred: int) -> int:
         """Returns ``preferred`` if it is free, else the first free port of ``preferred`` + 1000, + 2000, …
@@ -27,15 +25,18 @@ class PortReservation:
         Raises:
             PortError: none of them is free.
         """
-        for port in _candidates(preferred):
-            if self._reserve(port):
-                return port
+        for port in (preferred, *range(preferred + _STRIDE, _FIRST_EPHEMERAL, _STRIDE)):
+            if (name := claimed(f"pioneer-port-{port}")) is not None:
+                if is_free(port):
+                    self._held.append(name)
+                    return port
+                name.close()
         raise PortError(f"no free port: tried {preferred}, then every {_STRIDE} above it")
 
     def release(self) -> None:
         """Releases all reserved ports."""
         while self._held:
-            self._held.popitem()[1].close()
+            self._held.pop().close()
 
     def __enter__(self) -> "PortReservation":
         return self
@@ -43,35 +44,23 @@ class PortReservation:
     def __exit__(self, *_: object) -> None:
         self.release()
 
-    def _reserve(self, port: int) -> bool:
-        if port in self._held:
-            return False
-        name = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        try:
-            name.bind(f"\0pioneer-port-{port}")
-        except OSError:
-            name.close()
-            return False
-        if not is_free(port):
-            name.close()
-            return False
-        self._held[port] = name
-        return True
+
+def claimed(name: str) -> socket.socket | None:
+    """Returns a socket with this abstract name, which is taken until it is closed; None if another socket has it."""
+    claim = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        claim.bind(f"\0{name}")
+    except OSError:
+        claim.close()
+        return None
+    return claim
 
 
 def is_free(port: int) -> bool:
     """Returns whether a server could listen on ``port`` on all interfaces now."""
-    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_STREAM)) as server:
-        # As ROS masters and Redis do: connections in TIME_WAIT do not matter.
-        server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            server.bind(("", port))
-            server.listen(1)
-        except OSError:
-            return False
-        return True
-
-
-def _candidates(preferred: int) -> Iterator[int]:
-    yield preferred
-    yield from range(preferred + _STRIDE, _FIRST_EPHEMERAL, _STRIDE)
+    try:
+        # With SO_REUSEADDR, as ROS masters and Redis do: connections in TIME_WAIT do not matter.
+        socket.create_server(("", port)).close()
+    except OSError:
+        return False
+    return True

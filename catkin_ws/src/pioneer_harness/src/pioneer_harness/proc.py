@@ -22,10 +22,15 @@ class ProcessState:
     parent: int  #: its parent's pid
     session: int  #: pid of its session leader
     alive: bool  #: False for a zombie
-    started: int  #: [clock ticks since boot] together with the pid this identifies a process uniquely
+    started: int  #: [clock ticks since boot]
     cpu: float  #: [s] user and system time of its own threads
     waited_cpu: float  #: [s] the same for ended descendants that were waited for
     rss: int  #: [bytes] resident memory, shared pages included
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """Identifies the process even once its pid is reused."""
+        return self.pid, self.started
 
 
 def become_subreaper() -> None:

@@ -1,5 +1,6 @@
 """Process groups that are always cleaned up, including all descendants."""
 
+import contextlib
 import dataclasses
 import os
 import selectors
@@ -72,19 +73,18 @@ class ProcessGroup:
     the group, because Linux delivers the parent-death signal when the *thread* ends.
     """
 
-    def __init__(self, on_death: Callable[[Death], None] | None = None) -> None:
-        """``on_death`` is called from the group's thread for each unexpected end."""
+    def __init__(self) -> None:
         become_subreaper()
-        self._on_death = on_death
         self._variable = _VARIABLE + uuid.uuid4().hex
-        self._changed = threading.Condition()
+        self.changed = threading.Condition()  #: notified whenever a process ends
         self._members: dict[int, _Member] = {}
         self._deaths: list[Death] = []
         self._known: set[tuple[int, int]] = set()
         self._stopping = False
-        self._selector = selectors.DefaultSelector()
-        self._wake_reader, self._wake_writer = os.pipe2(os.O_CLOEXEC | os.O_NONBLOCK)
-        self._selector.register(self._wake_reader, selectors.EVENT_READ)
+        # epoll also watches descriptors that are registered while it waits.
+        self._selector = selectors.EpollSelector()
+        self._end_reader, self._end_writer = os.pipe2(os.O_CLOEXEC)
+        self._selector.register(self._end_reader, selectors.EVENT_READ)
         self._watcher = threading.Thread(target=self._watch, name="process group", daemon=True)
         self._watcher.start()
 
@@ -114,7 +114,7 @@ class ProcessGroup:
         program = shutil.which(argv[0], path=environment.get("PATH"))
         if program is None:
             raise ProcessStartError(f"{name}: no program '{argv[0]}' on the PATH")
-        with self._changed:
+        with self.changed:
             if self._stopping:
                 raise ProcessStartError(f"{name}: not started, the group is stopping")
             popen = _spawn(name, [*_PREFIX, program, *argv[1:]], environment, log, folder)
@@ -122,18 +122,12 @@ class ProcessGroup:
             member = _Member(name, popen, log, may_end, os.pidfd_open(popen.pid))
             self._members[popen.pid] = member
         self._selector.register(member.pidfd, selectors.EVENT_READ, member)
-        self._wake()
         return popen.pid
-
-    @property
-    def changed(self) -> threading.Condition:
-        """Notified whenever a process ends."""
-        return self._changed
 
     @property
     def deaths(self) -> tuple[Death, ...]:
         """The unexpected ends so far, oldest first."""
-        with self._changed:
+        with self.changed:
             return tuple(self._deaths)
 
     def check(self) -> None:
@@ -143,12 +137,12 @@ class ProcessGroup:
 
     def is_running(self, name: str) -> bool:
         """Returns whether a process with this name is running."""
-        with self._changed:
+        with self.changed:
             return any(member.name == name and member.popen.returncode is None for member in self._members.values())
 
     def kill(self, name: str) -> None:
         """Kills a process and its descendants with SIGKILL, like a power failure; not counted as unexpected."""
-        with self._changed:
+        with self.changed:
             living = [one for one in self._members.values() if one.name == name and one.popen.returncode is None]
             for member in living:
                 member.killed = True
@@ -160,13 +154,15 @@ class ProcessGroup:
     def states(self) -> dict[int, ProcessState]:
         """Returns the group's processes and all their descendants, including orphans and zombies."""
         everything = process_states()
-        with self._changed:
+        with self.changed:
             roots = set(self._members)
         for state in everything.values():
-            if state.parent == os.getpid() and state.pid not in roots and self._is_orphan_of_ours(state, roots):
+            if self._is_adopted(state) and (
+                state.key in self._known or state.session in roots or has_variable(state.pid, self._variable, "1")
+            ):
                 roots.add(state.pid)
         ours = {pid: everything[pid] for pid in descendants(everything, roots)}
-        self._known.update((state.pid, state.started) for state in ours.values())
+        self._known.update(state.key for state in ours.values())
         return ours
 
     def sample(self, account: Account) -> None:
@@ -185,7 +181,7 @@ class ProcessGroup:
         Returns:
             The command lines of the processes that had to be killed; empty if all exited by themselves.
         """
-        with self._changed:
+        with self.changed:
             self._stopping = True
             for member in self._members.values():
                 if member.popen.returncode is None:
@@ -207,22 +203,16 @@ class ProcessGroup:
             if state.alive:
                 living.append(state)
             elif self._is_adopted(state):
-                _reap(state.pid)
+                with contextlib.suppress(ChildProcessError):
+                    os.waitpid(state.pid, os.WNOHANG)
         return living
-
-    def _is_orphan_of_ours(self, state: ProcessState, sessions: set[int]) -> bool:
-        return (
-            (state.pid, state.started) in self._known
-            or state.session in sessions
-            or has_variable(state.pid, self._variable, "1")
-        )
 
     def _wait_for_the_end(self, deadline: float, urgent: Callable[[], bool]) -> None:
         asked: set[tuple[int, int]] = set()
         while (living := self._living()) and time.monotonic() < deadline and not urgent():
             for state in living:
-                if self._is_adopted(state) and (state.pid, state.started) not in asked:
-                    asked.add((state.pid, state.started))
+                if self._is_adopted(state) and state.key not in asked:
+                    asked.add(state.key)
                     _send(state.pid, signal.SIGINT)
             time.sleep(_POLL_INTERVAL)
 
@@ -236,7 +226,7 @@ class ProcessGroup:
             for state in living:
                 # A process without a command line has released its memory: it is exiting by itself.
                 if line := " ".join(arguments(state.pid)):
-                    killed.setdefault((state.pid, state.started), line)
+                    killed.setdefault(state.key, line)
                 _send(state.pid, signal.SIGKILL)
             time.sleep(_POLL_INTERVAL)
         return tuple(killed.values())
@@ -244,36 +234,28 @@ class ProcessGroup:
     def _watch(self) -> None:
         while True:
             for key, _ in self._selector.select():
-                if key.data is not None:
-                    self._note_end(key.data)
-                elif not os.read(self._wake_reader, 4096):
+                if key.data is None:
                     return
+                self._note_end(key.data)
 
     def _note_end(self, member: _Member) -> None:
         self._selector.unregister(member.pidfd)
         os.close(member.pidfd)
-        with self._changed:
+        with self.changed:
             status = member.popen.wait()
-            death = None
             if not self._stopping and not member.killed and not (member.may_end and status == 0):
-                death = Death(member.name, member.popen.pid, status, member.log)
-                self._deaths.append(death)
-            self._changed.notify_all()
-        if death is not None and self._on_death is not None:
-            self._on_death(death)
-
-    def _wake(self) -> None:
-        os.write(self._wake_writer, b"\0")
+                self._deaths.append(Death(member.name, member.popen.pid, status, member.log))
+            self.changed.notify_all()
 
     def _close(self) -> None:
         if not self._watcher.is_alive():
             return
-        with self._changed:
-            self._changed.wait_for(lambda: all(m.popen.returncode is not None for m in self._members.values()))
-        os.close(self._wake_writer)
+        with self.changed:
+            self.changed.wait_for(lambda: all(m.popen.returncode is not None for m in self._members.values()))
+        os.close(self._end_writer)
         self._watcher.join()
         self._selector.close()
-        os.close(self._wake_reader)
+        os.close(self._end_reader)
 
 
 def last_lines(path: Path, count: int = _LAST_LINES) -> str:
@@ -317,14 +299,5 @@ def _wait_for_the_program(pid: int) -> None:
 
 
 def _send(pid: int, number: signal.Signals) -> None:
-    try:
+    with contextlib.suppress(ProcessLookupError):
         os.kill(pid, number)
-    except ProcessLookupError:
-        return
-
-
-def _reap(pid: int) -> None:
-    try:
-        os.waitpid(pid, os.WNOHANG)
-    except ChildProcessError:
-        return

@@ -1,5 +1,6 @@
 """Waits for a condition instead of a fixed time."""
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable
@@ -30,18 +31,13 @@ def wait_until(
         WaitError: the condition was still false at the time-out. Exceptions from ``condition`` pass through.
     """
     deadline = time.monotonic() + timeout
-    if notified is None:
-        return _first_true(condition, what, timeout, deadline, lambda: time.sleep(_POLL_INTERVAL))
-    lock = notified
-    with lock:
-        return _first_true(condition, what, timeout, deadline, lambda: lock.wait(deadline - time.monotonic()))
-
-
-def _first_true(
-    condition: Callable[[], Value], what: str, timeout: float, deadline: float, pause: Callable[[], object]
-) -> Value:
-    while not (value := condition()):
-        if time.monotonic() >= deadline:
-            raise WaitError(f"{what}: not within {timeout:g} s; the last value was {value!r}")
-        pause()
+    with notified or contextlib.nullcontext():
+        while not (value := condition()):
+            left = deadline - time.monotonic()
+            if left <= 0.0:
+                raise WaitError(f"{what}: not within {timeout:g} s; the last value was {value!r}")
+            if notified is None:
+                time.sleep(_POLL_INTERVAL)
+            else:
+                notified.wait(left)
     return value

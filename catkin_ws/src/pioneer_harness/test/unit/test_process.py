@@ -150,13 +150,11 @@ def test_an_unexpected_end_is_noticed_and_told_with_its_last_lines(group, tmp_pa
         group.check()
 
 
-def test_a_killed_process_is_reported_with_its_signal(tmp_path):
-    told = []
-    with ProcessGroup(on_death=told.append) as group:
-        os.kill(group.start("victim", SLEEP), signal.SIGKILL)
-        wait_until(lambda: told, "the death", 5.0)
-    assert "victim" in str(told[0])
-    assert "SIGKILL" in str(told[0])
+def test_a_killed_process_is_reported_with_its_signal(group):
+    os.kill(group.start("victim", SLEEP), signal.SIGKILL)
+    (death,) = wait_until(lambda: group.deaths, "the death", 5.0, group.changed)
+    assert "victim" in str(death)
+    assert "SIGKILL" in str(death)
 
 
 def test_a_process_that_may_end_is_no_death_unless_it_fails(group):

@@ -43,7 +43,7 @@ def run(tmp_path_factory):
     config = FleetConfig(
         world="small_world", real_time_factor=0.5, log=tmp_path_factory.mktemp("fleet"), web=True, token=TOKEN
     )
-    interrupt = SimpleNamespace(check=lambda: None, has_come=lambda: False)
+    interrupt = SimpleNamespace(check=lambda: None, is_set=lambda: False)
     with FleetProcesses(config) as processes:
         processes.start()
         fleet = FleetRun(config, Stopwatch(), interrupt, processes)

@@ -7,7 +7,7 @@ from pathlib import Path
 from pioneer_bench.adapters.fleet import PATIENCE, Fleet, Process, module_argv
 from pioneer_bench.core.row import Row
 from pioneer_harness.machine import FarMachine, MachineError
-from pioneer_harness.master_process import MasterProcess
+from pioneer_harness.masters import MasterProcess
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 

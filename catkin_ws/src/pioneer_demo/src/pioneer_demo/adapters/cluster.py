@@ -2,7 +2,6 @@
 
 import queue
 from collections.abc import Iterator, Mapping, Sequence
-from types import TracebackType
 from typing import Any
 
 import dask
@@ -40,52 +39,44 @@ class Cluster:
             self._client = distributed.Client(self._local or scheduler, timeout=30)
         except (OSError, TimeoutError) as error:
             raise ClusterError(f"no scheduler at {scheduler}: {error}") from None
-        self._done: queue.SimpleQueue[distributed.Future] = queue.SimpleQueue()
-        self._runs: dict[str, Run] = {}
         self._futures = list[distributed.Future]()
 
     @property
-    def workers(self) -> list[int]:
-        """PIDs of the workers."""
-        return list(self._client.run(_pid).values())
+    def workers(self) -> int:
+        """Number of workers."""
+        return len(self._client.ncores())
 
-    def submit(self, program: Sequence[str], scenarios: Mapping[Run, str], keep: Mapping[Run, str]) -> None:
-        """Submits all runs to the workers, in order."""
+    def results(
+        self, program: Sequence[str], scenarios: Mapping[Run, str], keep: Mapping[Run, str], poll: float
+    ) -> Iterator[tuple[Run, dict[str, Any] | str] | None]:
+        """Executes all runs; yields each with its row, or an error text if it failed.
+
+        Yields None every ``poll`` [s] while waiting.
+        """
+        runs, done = {run.name: run for run in scenarios}, queue.SimpleQueue[distributed.Future]()
         for number, (run, scenario) in enumerate(scenarios.items()):
             future = self._client.submit(
                 run_scenario, list(program), scenario, run, keep[run], key=run.name, pure=False, priority=-number,
                 retries=0,
             )  # fmt: skip
-            self._runs[run.name] = run
             self._futures.append(future)
-            future.add_done_callback(self._done.put)
-
-    def results(self, poll: float) -> Iterator[tuple[Run, dict[str, Any] | str] | None]:
-        """Yields each run with its row, or an error text if it failed; yields None every ``poll`` [s] while waiting."""
-        left = len(self._futures)
+            future.add_done_callback(done.put)
+        left = len(runs)
         while left:
             try:
-                future = self._done.get(timeout=poll)
+                future = done.get(timeout=poll)
             except queue.Empty:
                 yield None
                 continue
             left -= 1
             error = future.exception()
-            yield self._runs[future.key], (future.result() if error is None else f"{type(error).__name__}: {error}")
+            yield runs[future.key], (future.result() if error is None else f"{type(error).__name__}: {error}")
 
     def __enter__(self) -> "Cluster":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._client.cancel(self._futures, force=True)
         self._client.close()
         if self._local is not None:
             self._local.close(timeout=_CLOSING)
-
-
-def _pid() -> int:
-    import os
-
-    return os.getpid()

@@ -2,9 +2,9 @@
 
 import os
 import signal
-import types
 
 from pioneer_demo.core.error import DemoError
+from pioneer_node.adapters.end_request import EndRequest
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
@@ -17,7 +17,7 @@ class Interrupted(DemoError):  # noqa: N818 - no error: a request
         self.status = 128 + number  #: exit status: 128 + signal number
 
 
-class Interrupt:
+class Interrupt(EndRequest):
     """Records SIGINT, SIGTERM, SIGHUP and SIGQUIT, even if the shell has set them to ignored.
 
     ``./pioneer`` starts Python with these signals blocked, so that a signal that arrives during interpreter startup
@@ -25,24 +25,16 @@ class Interrupt:
     """
 
     def __init__(self) -> None:
-        self._number = 0
-        for number in _SIGNALS:
-            signal.signal(number, self._note)
+        super().__init__()
+        self.take_signals(*_SIGNALS)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
-
-    def has_come(self) -> bool:
-        """Returns whether one of the signals has arrived."""
-        return bool(self._number)
 
     def check(self) -> None:
         """Raises ``Interrupted`` once one of the signals has arrived."""
-        if self._number == signal.SIGHUP:
+        if self.number == signal.SIGHUP:
             mute()  # the terminal is gone: every write to it would fail
-        if self._number:
-            raise Interrupted(self._number)
-
-    def _note(self, number: int, frame: types.FrameType | None) -> None:
-        self._number = self._number or number
+        if self.number:
+            raise Interrupted(self.number)
 
 
 def mute() -> None:

@@ -25,7 +25,8 @@ def draw_fleet(floor: Floor, fleet: Fleet, title: str, path: Path) -> None:
     floor = floor.cropped()
     rows, cols = floor.free.shape
     width, height = cols * floor.resolution, rows * floor.resolution
-    figure, axes = pyplot.subplots(figsize=_size(width, height), dpi=120)
+    longest = max(width, height)
+    figure, axes = pyplot.subplots(figsize=(1.0 + 7.0 * width / longest, 1.6 + 7.0 * height / longest), dpi=120)
     # Thicken walls: one or two cells would appear as hairlines.
     walls = ndimage.binary_dilation(floor.occupied)
     shade = np.where(walls, 2, np.where(floor.free, 1, 0))
@@ -38,11 +39,6 @@ def draw_fleet(floor: Floor, fleet: Fleet, title: str, path: Path) -> None:
     pyplot.close(figure)
 
 
-def _size(width: float, height: float) -> tuple[float, float]:
-    longest = max(width, height)
-    return 1.0 + 7.0 * width / longest, 1.6 + 7.0 * height / longest
-
-
 def _draw_robot(axes: Any, robot: RobotTrack, paint: str) -> None:
     for visit in robot.visits:
         if visit.planned:
@@ -51,17 +47,14 @@ def _draw_robot(axes: Any, robot: RobotTrack, paint: str) -> None:
     label = f"{robot.name}: {robot.reached}/{len(robot.visits)} waypoints, {robot.path_length:.1f} m"
     driven = np.array(robot.driven or [(np.nan, np.nan)])
     axes.plot(*driven.T, color=paint, linewidth=2.4, alpha=0.75, solid_capstyle="round", zorder=4, label=label)
-    if robot.start is not None:
-        axes.plot(*robot.start, marker="s", markersize=8, color=paint, markeredgecolor="white", zorder=6)
+    if robot.driven:
+        axes.plot(*robot.driven[0], marker="s", markersize=8, color=paint, markeredgecolor="white", zorder=6)
     for number, visit in enumerate(robot.visits, 1):
-        _draw_waypoint(axes, visit.leg.goal.x, visit.leg.goal.y, str(number), paint, bool(visit.reached))
-
-
-def _draw_waypoint(axes: Any, x: float, y: float, text: str, paint: str, reached: bool) -> None:
-    face = paint if reached else "white"
-    axes.plot(x, y, marker="o", markersize=14, markerfacecolor=face, markeredgecolor=paint, zorder=7)
-    ink = "white" if reached else paint
-    axes.annotate(text, (x, y), ha="center", va="center", color=ink, fontsize=8.5, fontweight="bold", zorder=8)
+        x, y = visit.leg.goal.x, visit.leg.goal.y
+        face, ink = (paint, "white") if visit.reached else ("white", paint)
+        axes.plot(x, y, marker="o", markersize=14, markerfacecolor=face, markeredgecolor=paint, zorder=7)
+        style = {"ha": "center", "va": "center", "fontsize": 8.5, "fontweight": "bold"}
+        axes.annotate(str(number), (x, y), color=ink, zorder=8, **style)
 
 
 def _dress(axes: Any, extent: tuple[float, float, float, float], title: str) -> None:

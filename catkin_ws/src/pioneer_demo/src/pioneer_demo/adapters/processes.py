@@ -8,25 +8,13 @@ import signal
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 
 from pioneer_demo.adapters.network import Networks
-from pioneer_demo.core.command import (
-    FIRST_ROBOT_MASTER,
-    HUB,
-    HUB_GATEWAY_MASTER,
-    HUB_MASTER,
-    PAGE,
-    Command,
-    Ports,
-    commands,
-)
-from pioneer_demo.core.cost import Cost
+from pioneer_demo.core.command import Command, Ports, commands
 from pioneer_demo.core.kind import COMMAND, kind
-from pioneer_demo.core.launch_log import NodeDeath, node_deaths, plain, restarted_nodes
+from pioneer_demo.core.launch_log import NodeDeath, Relapses, node_deaths, plain, restarted_nodes
 from pioneer_demo.core.option import FleetConfig
-from pioneer_demo.core.relapse import Relapses
-from pioneer_harness.accounting import Account
+from pioneer_harness.accounting import Account, Usage
 from pioneer_harness.error import ProcessDiedError
 from pioneer_harness.port import PortReservation
 from pioneer_harness.proc import arguments, descendants
@@ -47,7 +35,7 @@ class FleetProcesses:
     def __init__(self, config: FleetConfig) -> None:
         self._config, self._log = config, config.log
         self._reservation = PortReservation()
-        self.ports = _ports(self._reservation, config.robots)
+        self.ports = Ports.taken(config.robots, self._reservation.take)
         self.networks = Networks(config.linked, self.ports.hub)
         self.group = ProcessGroup()
         self._account = Account(kind, short=COMMAND)
@@ -120,9 +108,9 @@ class FleetProcesses:
         for log in self._read:
             news = self._news(log)
             for death in node_deaths(news):
-                text = _told(death, log)
+                text, reason = _told(death, log)
                 self._dead[log, death.name] = time.monotonic(), text
-                if self._relapses.died((log, death.name), death.name, _reason(death, log), time.monotonic()):
+                if self._relapses.died((log, death.name), death.name, reason, time.monotonic()):
                     text = f"{death.name} keeps dying; the last time: {text}"
                     if starting:
                         raise ProcessDiedError(text)
@@ -145,12 +133,11 @@ class FleetProcesses:
         """Samples the resource usage of the processes."""
         self.group.sample(self._account)
 
-    def costs(self) -> dict[str, Cost]:
+    def costs(self) -> dict[str, Usage]:
         """Returns the cost by kind of process up to the last sample, including this process."""
         user, system, *_ = os.times()
         rss = int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-        usage = {name: Cost(used.cpu, used.rss, used.processes) for name, used in self._account.usage().items()}
-        return {**usage, "this command": Cost(user + system, rss, 1)}
+        return {**self._account.usage(), "this command": Usage(user + system, rss, 1)}
 
     def cpu(self) -> float:
         """Returns the total CPU time so far [s], including this process."""
@@ -171,9 +158,7 @@ class FleetProcesses:
     def __enter__(self) -> "FleetProcesses":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop(_LAST_GRACE, lambda: False)
 
     def _news(self, log: Path) -> str:
@@ -194,32 +179,15 @@ def _found(argv: Sequence[str]) -> Sequence[str]:
     return argv
 
 
-def _ports(reservation: PortReservation, robots: int) -> Ports:
-    return Ports(
-        hub=reservation.take(HUB),
-        hub_master=reservation.take(HUB_MASTER),
-        hub_gateway_master=reservation.take(HUB_GATEWAY_MASTER),
-        robot_masters=tuple(reservation.take(FIRST_ROBOT_MASTER + index) for index in range(robots)),
-        page=reservation.take(PAGE),
-    )
-
-
-def _logs(death: NodeDeath) -> list[Path]:
-    return [Path(name) for name in sorted(glob.glob(death.log))] if death.log else []
-
-
-def _reason(death: NodeDeath, launch_log: Path) -> str:
-    """Returns one line with a node's exit code and the last error it logged."""
-    how = "no exit code" if death.status is None else f"exit code {death.status}"
-    lines = "\n".join(map(last_lines, [*_logs(death), launch_log])).splitlines()
-    errors = [plain(line).strip() for line in lines if _ERROR.search(line)]
-    return f"{how}: {errors[-1]}" if errors else how
-
-
-def _told(death: NodeDeath, launch_log: Path) -> str:
-    how = "" if death.status is None else f", exit code {death.status}"
-    logs = _logs(death)
+def _told(death: NodeDeath, launch_log: Path) -> tuple[str, str]:
+    """Returns a node's death with the last lines of its logs, and one line: its exit code and the last error."""
     # Screen output, such as a traceback, is in roslaunch's own log; the rest is in the node's log file.
-    ends = ((path, last_lines(path)) for path in [*logs, launch_log])
-    text = "\n".join(f"  the last lines of {path}:\n{lines}" for path, lines in ends if lines)
-    return f"{death.name} (pid {death.pid}) has died{how}\n{text}"
+    ends = {path: last_lines(path) for path in [*map(Path, sorted(glob.glob(death.log))), launch_log]}
+    how = "" if death.status is None else f", exit code {death.status}"
+    text = "\n".join(f"  the last lines of {path}:\n{lines}" for path, lines in ends.items() if lines)
+    reason = how.removeprefix(", ") or "no exit code"
+    errors = [plain(line).strip() for line in "\n".join(ends.values()).splitlines() if _ERROR.search(line)]
+    return (
+        f"{death.name} (pid {death.pid}) has died{how}\n{text}",
+        f"{reason}: {errors[-1]}" if errors else reason,
+    )

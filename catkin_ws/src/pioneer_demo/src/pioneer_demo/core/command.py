@@ -2,7 +2,7 @@
 
 import dataclasses
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from pioneer_demo.core.option import FleetConfig
@@ -22,15 +22,19 @@ class Ports:
     hub: int
     hub_master: int
     hub_gateway_master: int
-    robot_masters: Sequence[int]
+    robot_masters: tuple[int, ...]
     page: int = PAGE
+
+    @classmethod
+    def taken(cls, robots: int, take: Callable[[int], int]) -> "Ports":
+        """Returns the ports of a fleet; ``take`` returns a port for each of the tutorial's."""
+        masters = range(FIRST_ROBOT_MASTER, FIRST_ROBOT_MASTER + robots)
+        return cls(take(HUB), take(HUB_MASTER), take(HUB_GATEWAY_MASTER), tuple(map(take, masters)), take(PAGE))
 
     @property
     def are_the_tutorials(self) -> bool:
-        """Whether all ports are those of the tutorial."""
-        robots = range(FIRST_ROBOT_MASTER, FIRST_ROBOT_MASTER + len(self.robot_masters))
-        wanted = Ports(HUB, HUB_MASTER, HUB_GATEWAY_MASTER, tuple(robots))
-        return dataclasses.replace(self, robot_masters=tuple(self.robot_masters), page=PAGE) == wanted
+        """Whether all ports, but for the page's, are those of the tutorial."""
+        return dataclasses.replace(self, page=PAGE) == Ports.taken(len(self.robot_masters), int)
 
     def __str__(self) -> str:
         robots = ", ".join(map(str, self.robot_masters))
@@ -55,64 +59,60 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
         "WORLD": config.world,
         "GATEWAY_HUB_URI": f"http://{_LOOPBACK}:{ports.hub}",
     }
+
+    def at(port: int, **own: str) -> dict[str, str]:
+        return {**shared, **own, "ROS_MASTER_URI": master_uri(port)}
+
+    base = at(ports.hub_gateway_master)
+    quiet = "gateway_disable_zeroconf:=true"
+    hub = _launch(ports.hub_master, "pioneer_hub.launch", f"hub_port:={ports.hub}")
+    gateway = _launch(ports.hub_gateway_master, "pioneer_gateway.launch", "gateway_name:=Hub_Gateway", quiet)
+    simulator = (
+        *("rosrun", "pioneer_gazebo", "run-multi-pioneer-gazebo-master"),
+        f"world_name:={config.world}",
+        f"robots:={config.robots}",
+        f"real_time_factor:={'lockstep' if config.lockstep else f'{config.real_time_factor:g}'}",
+        *((f"lockstep_rings:={' '.join(config.rings)}",) if config.rings else ()),
+        f"seed:={config.seed}",
+        "skip:=false",
+        *_parameters(config, SIMULATOR_PARAMETERS),
+    )
     found = [
-        _launch(HUB_COMMAND, ports.hub_master, ("pioneer_hub.launch", f"hub_port:={ports.hub}"), shared),
-        _launch(
-            HUB_GATEWAY_COMMAND,
-            ports.hub_gateway_master,
-            ("pioneer_gateway.launch", "gateway_name:=Hub_Gateway", "gateway_disable_zeroconf:=true"),
-            shared,
-        ),
-        _run(
-            "simulator",
-            ports.hub_gateway_master,
-            (
-                "run-multi-pioneer-gazebo-master",
-                f"world_name:={config.world}",
-                f"robots:={config.robots}",
-                f"real_time_factor:={'lockstep' if config.lockstep else f'{config.real_time_factor:g}'}",
-                *((f"lockstep_rings:={' '.join(config.rings)}",) if config.rings else ()),
-                f"seed:={config.seed}",
-                "skip:=false",
-                *_parameters(config, SIMULATOR_PARAMETERS),
-            ),
-            shared,
-        ),
+        Command(HUB_COMMAND, hub, at(ports.hub_master)),
+        Command(HUB_GATEWAY_COMMAND, gateway, base),
+        Command("simulator", simulator, base),
     ]
     if config.web:
         masters = " ".join(_named_masters(ports))
         page = ("rosrun", "pioneer_web", "fleet_page", f"_port:={ports.page}", f"_masters:={masters}")
-        own = {**shared, "ROS_MASTER_URI": master_uri(ports.hub_gateway_master), "PIONEER_WEB_TOKEN": config.token}
-        found.append(Command("fleet page", page, own))
+        found.append(Command("fleet page", page, {**base, "PIONEER_WEB_TOKEN": config.token}))
+    navigation = (
+        *("rosrun", "pioneer_gazebo", "run-pioneer-nav-local"),
+        f"traffic:={str(config.traffic).lower()}",
+        *(("real_time_factor:=lockstep",) if config.lockstep else ()),
+        *_parameters(config, ROBOT_PARAMETERS),
+    )
     for number, (name, port) in enumerate(zip(config.names, ports.robot_masters, strict=True), 1):
         # With this file amcl recovers its pose after its computer was killed.
         correction = str(config.log.absolute() / "ros" / f"{name}-correction.json")
-        own = {**shared, "HOSTNAME": f"aadi{number}", "ROBOT_NAME": name, "AMCL_CORRECTION_FILE": correction}
-        gateway = ("pioneer_gateway.launch", "gateway_disable_zeroconf:=true")
-        navigation = ["run-pioneer-nav-local", f"traffic:={str(config.traffic).lower()}"]
-        if config.lockstep:
-            navigation.append("real_time_factor:=lockstep")
-        navigation += _parameters(config, ROBOT_PARAMETERS)
+        own = at(port, HOSTNAME=f"aadi{number}", ROBOT_NAME=name, AMCL_CORRECTION_FILE=correction)
+        gateway = _launch(port, "pioneer_gateway.launch", quiet)
         found += [
-            _launch(gateway_name(number), port, gateway, own),
-            _run(f"navigation of {name}", port, tuple(navigation), own),
+            Command(gateway_name(number), gateway, own),
+            Command(f"navigation of {name}", navigation, own),
         ]
         for index, line in enumerate(config.programs, 1):
             words = tuple(word.replace("{robot}", name) for word in shlex.split(line))
             argv = ("python3", "-m", "pioneer_demo.adapters.program", *words)
-            found.append(Command(f"program {index} of {name}", argv, {**own, "ROS_MASTER_URI": master_uri(port)}))
-    return [*found, *_recorder(config, ports)]
-
-
-def _recorder(config: FleetConfig, ports: Ports) -> list[Command]:
-    if config.record is None:
-        return []
-    module = ("python3", "-m", "pioneer_fleet.adapters.recorder", str(config.record.absolute()))
-    return [Command("recorder", (*module, *_named_masters(ports)), {})]
+            found.append(Command(f"program {index} of {name}", argv, own))
+    if config.record is not None:
+        recorder = ("python3", "-m", "pioneer_fleet.adapters.recorder", str(config.record.absolute()))
+        found.append(Command("recorder", (*recorder, *_named_masters(ports)), {}))
+    return found
 
 
 def _named_masters(ports: Ports) -> list[str]:
-    """Returns NAME=URI of each master, for the recorder."""
+    """Returns NAME=URI of each master, for the page and the recorder."""
     named = [("hub", ports.hub_master), ("base", ports.hub_gateway_master)]
     named += [(f"aadi{number}", port) for number, port in enumerate(ports.robot_masters, 1)]
     return [f"{name}={master_uri(port)}" for name, port in named]
@@ -150,11 +150,5 @@ def master_uri(port: int) -> str:
     return f"http://{_LOOPBACK}:{port}"
 
 
-def _launch(name: str, port: int, words: tuple[str, ...], environment: Mapping[str, str]) -> Command:
-    argv = ("rosrun", "rocon_launch", "roslaunch", "--no-summary", "-p", str(port), "pioneer_networking", *words)
-    return Command(name, argv, {**environment, "ROS_MASTER_URI": master_uri(port)})
-
-
-def _run(name: str, port: int, words: tuple[str, ...], environment: Mapping[str, str]) -> Command:
-    argv = ("rosrun", "pioneer_gazebo", *words)
-    return Command(name, argv, {**environment, "ROS_MASTER_URI": master_uri(port)})
+def _launch(port: int, *words: str) -> tuple[str, ...]:
+    return ("rosrun", "rocon_launch", "roslaunch", "--no-summary", "-p", str(port), "pioneer_networking", *words)

@@ -1,6 +1,7 @@
 """Grid of the drivable floor, and driving distances on it."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +28,8 @@ class Floor:
         """Returns (row, col) of a position, which may lie outside the map."""
         return int(np.floor((y - self.y) / self.resolution)), int(np.floor((x - self.x) / self.resolution))
 
-    def position(self, row: float, col: float) -> tuple[float, float]:
-        """Returns (x, y) of a cell's centre [m]."""
+    def position(self, row: Any, col: Any) -> tuple[Any, Any]:
+        """Returns (x, y) of a cell's centre [m]; of many cells, given as arrays of rows and columns, arrays."""
         return self.x + (col + 0.5) * self.resolution, self.y + (row + 0.5) * self.resolution
 
     def contains(self, row: int, col: int) -> bool:

@@ -7,41 +7,29 @@ OTHER = "other"
 COMMAND = "start-up commands"
 """Short-lived processes: flips, xacro, rosrun and their children."""
 
-_BY_NAME = {
-    "gazebo": "simulator",
-    "gateway": "gateways",
-    "hub": "hub and redis",
-    "redis-server": "hub and redis",
+_NAMES = {
+    "simulator": "gazebo",
+    "gateways": "gateway",
+    "hub and redis": "hub redis-server",
     "amcl": "amcl",
     "move_base": "move_base",
     "slam_gmapping": "slam_gmapping",
-    "rosmaster": "masters",
-    "rosout": "masters",
-    "roslaunch": "roslaunch",
-    "run-multi-pioneer-gazebo-master": "roslaunch",
-    "run-pioneer-nav-local": "roslaunch",
-    "run-pioneer-hub": "roslaunch",
-    "fork_server": "roslaunch",
-    "map_server": "map server",
-    "pioneer_fleet.adapters.recorder": "recorder",
-    "fleet_page": "fleet page",
-    "robot_state_publisher": "robot state publishers",
-    "robot_state_publishers": "robot state publishers",
-    "light_nodes": "waypoint clients, control",
-    "map_goal_client": "waypoint clients, control",
-    "pioneer_ros": "waypoint clients, control",
-    "controller_spin_recover": "waypoint clients, control",
-    **dict.fromkeys(("advertise-from-hub", "pull-from-hub", "flip-from-hub", "flip-from-remote"), COMMAND),
-    **dict.fromkeys(("rosrun", "catkin_find", "rosversion", "xacro", "find", "uniq"), COMMAND),
+    "masters": "rosmaster rosout",
+    "roslaunch": "roslaunch run-multi-pioneer-gazebo-master run-pioneer-nav-local run-pioneer-hub fork_server",
+    "map server": "map_server",
+    "recorder": "pioneer_fleet.adapters.recorder",
+    "fleet page": "fleet_page",
+    "robot state publishers": "robot_state_publisher robot_state_publishers",
+    "waypoint clients, control": "light_nodes map_goal_client pioneer_ros controller_spin_recover",
+    COMMAND: "advertise-from-hub pull-from-hub flip-from-hub flip-from-remote "
+    "rosrun catkin_find rosversion xacro find uniq",
 }
+_KINDS = {name: kind for kind, names in _NAMES.items() for name in names.split()}
 
 
 def kind(argv: Sequence[str]) -> str:
     """Returns the part of the system that a command line belongs to; ``other`` if unknown."""
-    for name in _names(argv):
-        if name in _BY_NAME:
-            return _BY_NAME[name]
-    return OTHER
+    return next((_KINDS[name] for name in _names(argv) if name in _KINDS), OTHER)
 
 
 def _names(argv: Sequence[str]) -> list[str]:

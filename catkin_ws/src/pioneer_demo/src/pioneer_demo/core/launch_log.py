@@ -1,7 +1,9 @@
-"""Parses roslaunch's log output about its nodes."""
+"""Parses roslaunch's log output about its nodes, and detects nodes that keep dying after each respawn."""
 
 import dataclasses
 import re
+from collections import deque
+from collections.abc import Hashable
 
 _COLOUR = re.compile(r"\x1b(\[[0-9;]*m|\]2;[^\x07]*\x07)")
 _DIED = re.compile(
@@ -11,6 +13,8 @@ _DIED = re.compile(
 )
 _RESTART = re.compile(r"^\[(?P<name>\S+?)(-\d+)?\] restarting process", re.MULTILINE)
 _LOG = re.compile(r"\A\s*log file: (?P<path>.+)$", re.MULTILINE)
+_DEATHS = 3
+_WINDOW = 60.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,3 +46,55 @@ def node_deaths(text: str) -> list[NodeDeath]:
 def restarted_nodes(text: str) -> list[str]:
     """Returns the names of the nodes reported as respawned in a piece of roslaunch's output."""
     return [match["name"] for match in _RESTART.finditer(plain(text))]
+
+
+@dataclasses.dataclass
+class _History:
+    name: str
+    reason: str = ""
+    times: deque[float] = dataclasses.field(default_factory=lambda: deque(maxlen=_DEATHS))
+    count: int = 0
+    fails: bool = False
+
+
+class Relapses:
+    """Distinguishes single deaths of nodes from repeated ones: three deaths in a minute. Times are monotonic [s]."""
+
+    def __init__(self) -> None:
+        self._nodes: dict[Hashable, _History] = {}
+
+    def died(self, key: Hashable, name: str, reason: str, now: float) -> bool:
+        """Records a death; returns whether the node counts as dying repeatedly from this death on.
+
+        Args:
+            key: identifies the node among nodes of the same name on other masters.
+            name: name for messages.
+            reason: one line about how and why it died.
+            now: the current time.
+        """
+        node = self._nodes.setdefault(key, _History(name))
+        node.times.append(now)
+        node.reason, node.count = reason, node.count + 1
+        before, node.fails = node.fails, node.fails or (len(node.times) == _DEATHS and now - node.times[0] <= _WINDOW)
+        return node.fails and not before
+
+    def fails(self, key: Hashable) -> bool:
+        """Returns whether that node keeps dying."""
+        return key in self._nodes and self._nodes[key].fails
+
+    def recovered(self, now: float) -> list[str]:
+        """Forgets nodes that have run for a minute; returns a line for each of them that had kept dying."""
+        well = {key: node for key, node in self._nodes.items() if now - node.times[-1] > _WINDOW}
+        for key in well:
+            del self._nodes[key]
+        return [
+            f"{node.name} has run for {_WINDOW:.0f} s and no longer keeps dying" for node in well.values() if node.fails
+        ]
+
+    def faults(self) -> list[str]:
+        """Returns a line for each node that keeps dying, with the reason of its last death."""
+        return [
+            f"{node.name} keeps dying and is started again: {node.count} times so far, {node.reason}"
+            for node in self._nodes.values()
+            if node.fails
+        ]

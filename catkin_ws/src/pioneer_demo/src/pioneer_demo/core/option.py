@@ -1,24 +1,29 @@
-"""Command lines of ``./pioneer fleet``, ``./pioneer demo`` and ``./pioneer run-scenario``."""
+"""Command lines of ``./pioneer fleet``, ``demo``, ``run-scenario`` and ``experiment``."""
 
 import argparse
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, ClassVar, NoReturn
 
-from pioneer_demo.core.capacity import factor_held
 from pioneer_demo.core.error import OptionError
 from pioneer_demo.core.scenario import Fault, Goal, Scenario, Success
 from pioneer_node.core.fleet_file import RobotEntry
 
 OBSERVER = "fleet_observer"
 """Name of the node that observes the fleet, and of its ring in lockstep."""
+_ROBOTS_A_PROCESSOR = 6.75
+"""Robots, with navigation and gateway, that one processor runs in real time (docs/performance.md)."""
+MOST_JOBS = 1000
+"""Maximum number of workers on one machine; each runs a fleet."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FleetConfig:
     """Configuration of a fleet."""
 
+    restarts_nodes: ClassVar = True  #: whether launch files may respawn dead nodes
     robots: int = 2  #: number of robots
     #: name of a world of pioneer_gazebo, or path of a .world file with its map beside it
     world: str = "closed_maze"
@@ -36,6 +41,7 @@ class FleetConfig:
     #: node parameters, by name in each robot's namespace or as ``/gazebo/NAME``
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     programs: tuple[str, ...] = ()  #: extra command lines to run on each robot's computer; ``{robot}`` is its name
+    faults: tuple[Fault, ...] = ()  #: faults to inject into a demo
     lockstep: bool = False  #: whether simulated time waits for the robots' nodes in each period; implies factor 0
 
     @property
@@ -49,18 +55,8 @@ class FleetConfig:
         )
 
     @property
-    def restarts_nodes(self) -> bool:
-        """Whether launch files may respawn dead nodes; a demo reports a node's death as a fault."""
-        return True
-
-    @property
     def rings(self) -> tuple[str, ...]:
         """The rings that lockstep waits for; empty for the robots' rings only."""
-        return ()
-
-    @property
-    def linked(self) -> tuple[str, ...]:
-        """The robots whose links have faults."""
         return ()
 
     @property
@@ -74,22 +70,27 @@ class FleetConfig:
         return _map_name(self.world)
 
     @property
-    def outputs(self) -> tuple[tuple[str, Path], ...]:
-        """The output folders, with their options."""
-        return (("--log", self.log),)
+    def linked(self) -> tuple[str, ...]:
+        """The robots whose links have faults."""
+        return tuple(dict.fromkeys(fault.link for fault in self.faults if fault.link))
+
+    @property
+    def output(self) -> tuple[str, Path]:
+        """The output folder, with its option."""
+        return "--log", self.log
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DemoConfig(FleetConfig):
     """Configuration of a demo."""
 
+    restarts_nodes: ClassVar = False  #: the death of a node is a fault
     waypoints: int = 3  #: waypoints per robot
     report: Path = Path("demo-report")  #: directory for report.json, fleet.png and the logs
     log: Path = Path("demo-report/log")
     limit: float = 0.0  #: simulated time after which the fleet counts as stuck [s]; 0: proportional to the route length
     video: Path | None = None  #: video file; None for none
     goals: tuple[tuple[Goal, ...], ...] = ()  #: goals of each robot; empty for random waypoints
-    faults: tuple[Fault, ...] = ()  #: faults to inject
     success: Success = dataclasses.field(default_factory=Success)  #: success criteria
     scenario: Path | None = None  #: scenario file; None if configured on the command line
 
@@ -99,19 +100,21 @@ class DemoConfig(FleetConfig):
         return (OBSERVER, *self.names) if self.lockstep else ()
 
     @property
-    def linked(self) -> tuple[str, ...]:
-        """The robots whose links have faults."""
-        return tuple(dict.fromkeys(fault.link for fault in self.faults if fault.link))
+    def output(self) -> tuple[str, Path]:
+        """The output folder, with its option."""
+        return "--report", self.report
 
-    @property
-    def restarts_nodes(self) -> bool:
-        """Whether launch files may respawn dead nodes."""
-        return False
 
-    @property
-    def outputs(self) -> tuple[tuple[str, Path], ...]:
-        """The output folders, with their options."""
-        return (("--report", self.report),)
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ExperimentConfig:
+    """Configuration of an experiment."""
+
+    study: Path  #: the study's file
+    runs: int = 0  #: runs per variant; 0 for the file's value
+    jobs: int = 1  #: workers on this machine
+    scheduler: str = ""  #: address of a dask scheduler to use instead; empty for none
+    output: Path  #: the study's folder
+    keep: bool = False  #: whether to keep each run's report and logs
 
 
 def _is_path(world: str) -> bool:
@@ -123,7 +126,16 @@ def _map_name(world: str) -> str:
 
 
 class Parser(argparse.ArgumentParser):
-    """Argument parser that raises errors as `OptionError`."""
+    """Argument parser of a command that raises errors as `OptionError`."""
+
+    def __init__(self, command: str, description: str, epilog: str) -> None:
+        super().__init__(
+            f"./pioneer {command}",
+            description=description,
+            epilog=epilog,
+            allow_abbrev=False,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
 
     def error(self, message: str) -> NoReturn:
         """Raises `OptionError`."""
@@ -166,7 +178,8 @@ def scenario_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
     file, log = given.pop("scenario"), given["report"] / "log"
     said = machine.scenario_of(file)
     count = said.robots if isinstance(said.robots, int) else len(said.robots)
-    options = {name: given.pop(name) if given[name] is not None else getattr(said, name) for name in _OVERRIDDEN}
+    overridden = ("seed", "real_time_factor")
+    options = {name: given.pop(name) if given[name] is not None else getattr(said, name) for name in overridden}
     given["lockstep"] = given["lockstep"] or said.lockstep
     if given["lockstep"]:
         options["real_time_factor"] = None
@@ -185,7 +198,15 @@ def scenario_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
     return config
 
 
-_OVERRIDDEN = ("seed", "real_time_factor")
+def experiment_config(arguments: Sequence[str], machine: Machine) -> ExperimentConfig:
+    """Returns the configuration of ``./pioneer experiment``; see `demo_config`."""
+    values = vars(_experiment_parser().parse_args(arguments))
+    values["output"] = values["output"] or Path(f"{values['study'].stem}-study")
+    values["jobs"] = max(1, int(machine.processors)) if values["jobs"] is None else values["jobs"]
+    if not (1 <= values["jobs"] <= MOST_JOBS and values["runs"] >= 0):
+        text = f"--jobs must be 1 to {MOST_JOBS} and --runs 0 or more, not {values['jobs']} and {values['runs']}"
+        raise OptionError(text)
+    return ExperimentConfig(**values)
 
 
 CONFIGS = {"demo": demo_config, "fleet": fleet_config, "run-scenario": scenario_config}
@@ -212,6 +233,11 @@ def _chosen(values: dict[str, Any], machine: Machine) -> dict[str, Any]:
         factor = factor_held(values["robots"], machine.processors)
         return {**values, "real_time_factor": factor, "processors": machine.processors}
     return values
+
+
+def factor_held(robots: int, processors: float) -> float:
+    """Returns the real-time factor at which navigation keeps up, rounded down to a multiple of 0.05; at most 1."""
+    return min(1.0, max(0.05, math.floor(20 * _ROBOTS_A_PROCESSOR * processors / robots) / 20))
 
 
 def check_fleet(robots: int, world: str, places: Mapping[str, int], places_elsewhere: int | None = None) -> None:
@@ -263,17 +289,9 @@ def _check_demo(config: DemoConfig) -> None:
         raise OptionError(f"--limit must be 0 (in proportion to the way) or more seconds, not {config.limit:g}")
 
 
-def _parser(prog: str, description: str, epilog: str, worlds: Sequence[str]) -> Parser:
-    """Returns a parser with the options common to all fleets."""
-    default = FleetConfig()
-    parser = Parser(
-        prog=prog,
-        description=description,
-        epilog=epilog,
-        allow_abbrev=False,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add = parser.add_argument
+def _add_common(parser: Parser, worlds: Sequence[str]) -> None:
+    """Adds the options common to all fleets."""
+    default, add = FleetConfig(), parser.add_argument
     add("--robots", type=int, metavar="N", help=f"robots (default {default.robots})")
     add("--fleet", type=Path, metavar="FILE", help="fleet file: robots of different kinds (pioneer_demo's README)")
     add("--world", default=default.world, metavar="W",
@@ -289,7 +307,6 @@ def _parser(prog: str, description: str, epilog: str, worlds: Sequence[str]) -> 
     add("--traffic", action="store_true", help="the robots keep the right of way with one another (docs/traffic.md)")
     _add_record(parser)
     add("--web", action="store_true", help="serve the fleet in the browser, on this machine only (docs/web.md)")
-    return parser
 
 
 def _add_record(parser: Parser) -> None:
@@ -298,8 +315,8 @@ def _add_record(parser: Parser) -> None:
 
 
 def _fleet_parser(worlds: Sequence[str]) -> Parser:
-    parser = _parser(
-        "./pioneer fleet",
+    parser = Parser(
+        "fleet",
         "Starts a fleet of simulated Pioneers on this machine and keeps it up: a hub, a hub gateway with\n"
         "the simulator, and one ROS master, gateway and navigation a robot. Ctrl-C ends everything.",
         "Meanwhile, in other terminals:\n"
@@ -307,22 +324,19 @@ def _fleet_parser(worlds: Sequence[str]) -> Parser:
         "  ./pioneer rviz                RViz of the fleet\n"
         "  ./pioneer teleop pioneer1     drive a robot by keyboard\n"
         "Example: ./pioneer fleet --robots 5 --world utm_0",
-        worlds,
     )
-    add = parser.add_argument
-    add("--log", type=Path, default=FleetConfig().log, metavar="DIR", help="logs (default %(default)s)")
+    _add_common(parser, worlds)
+    parser.add_argument("--log", type=Path, default=FleetConfig().log, metavar="DIR", help="logs (default %(default)s)")
     return parser
 
 
 def _scenario_parser() -> Parser:
     parser = Parser(
-        prog="./pioneer run-scenario",
-        description="Runs what a scenario's file describes: world, robots, tasks, faults, and what counts as success.\n"
+        "run-scenario",
+        "Runs what a scenario's file describes: world, robots, tasks, faults, and what counts as success.\n"
         "FILE is a path, or the name of one that pioneer_demo ships in scenarios/.",
-        epilog="Exit status: 0 for a success, 1 for none, 2 for a wrong file or option, 130 after Ctrl-C.\n"
+        "Exit status: 0 for a success, 1 for none, 2 for a wrong file or option, 130 after Ctrl-C.\n"
         "Example: ./pioneer run-scenario doorway",
-        allow_abbrev=False,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("scenario", type=Path, metavar="FILE", help="the scenario (pioneer_demo's README has its fields)")
@@ -344,18 +358,36 @@ def _add_outputs(parser: Parser) -> None:
 
 def _demo_parser(worlds: Sequence[str]) -> Parser:
     default = DemoConfig()
-    parser = _parser(
-        "./pioneer demo",
+    parser = Parser(
+        "demo",
         "Starts a fleet as ./pioneer fleet does, sends every robot to waypoints, and reports how it went.\n"
         "Ctrl-C ends everything.",
         "Exit status: 0 when every waypoint was reached without a collision, 1 when not, 2 for bad arguments,\n"
         "130 after Ctrl-C.\n"
         "Example: ./pioneer demo --robots 5 --world utm_0 --video run.mp4",
-        worlds,
     )
+    _add_common(parser, worlds)
     add = parser.add_argument
     add("--waypoints", type=int, default=default.waypoints, metavar="K", help="a robot (default %(default)s)")
     add("--limit", type=float, default=default.limit, metavar="T",
         help="simulated seconds until a fleet counts as stuck (default: in proportion to the way)")  # fmt: skip
     _add_outputs(parser)
+    return parser
+
+
+def _experiment_parser() -> Parser:
+    parser = Parser(
+        "experiment",
+        "Runs a scenario many times: variants, each with the same seeds. Writes a table, a summary and a\n"
+        "page with figures. What is done is kept: the same command continues after Ctrl-C.",
+        "Exit status: 0 when all runs are done, 1 when not, 2 for a wrong file or option, 130 after Ctrl-C.\n"
+        "Example: ./pioneer experiment head_on_planners.yaml --runs 100",
+    )
+    add = parser.add_argument
+    add("study", type=Path, metavar="STUDY", help="the study's file (pioneer_demo's README has its fields)")
+    add("--runs", type=int, default=0, metavar="N", help="of each variant, instead of the file's")
+    add("--jobs", type=int, metavar="J", help="runs at a time on this machine (default: its processors)")
+    add("--scheduler", default="", metavar="URL", help="a dask scheduler, tcp://…, whose workers do the runs")
+    add("--output", type=Path, metavar="DIR", help="the study's folder (default: STUDY-study)")
+    add("--keep", action="store_true", help="keep each run's report and logs, in DIR/reports")
     return parser

@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pioneer_fleet.core.geometry import Points, Pose
+from pioneer_fleet.core.geometry import Points, Pose, pose_at
 
 INTERVAL = 0.1
 """Minimum time between two recorded poses, or scans, of a robot [s of simulated time]."""
@@ -16,7 +16,6 @@ Hits = NDArray[np.float32]
 """End points of beams in the robot's frame [m], shape (n, 2)."""
 
 NOTHING: Hits = np.empty((0, 2), np.float32)
-
 
 Kept = TypeVar("Kept")
 
@@ -31,15 +30,11 @@ class Recording:
 
     def add_pose(self, name: str, stamp: float, pose: Pose) -> None:
         """Records a robot's pose, unless it is out of order or less than `INTERVAL` after the previous one."""
-        kept = self._poses[name]
-        if not kept or stamp >= kept[-1][0] + INTERVAL - 1e-6:
-            kept.append((stamp, pose))
+        _append(self._poses[name], stamp, pose)
 
     def add_scan(self, name: str, stamp: float, hits: Hits) -> None:
         """Records a robot's scan, under the same condition as `add_pose`."""
-        kept = self._scans[name]
-        if not kept or stamp >= kept[-1][0] + INTERVAL - 1e-6:
-            kept.append((stamp, hits))
+        _append(self._scans[name], stamp, hits)
 
     def add_plan(self, name: str, stamp: float, points: Points) -> None:
         """Records a robot's plan, valid until its next one."""
@@ -52,14 +47,7 @@ class Recording:
 
     def pose(self, name: str, time: float) -> Pose | None:
         """Returns a robot's pose at ``time``, linearly interpolated; None before the first pose."""
-        kept = self._poses.get(name, [])
-        after = bisect.bisect_right(kept, time, key=lambda one: one[0])
-        if after == 0:
-            return None
-        if after == len(kept):
-            return kept[-1][1]
-        (a, before), (b, following) = kept[after - 1], kept[after]
-        return before.between(following, (time - a) / (b - a))
+        return pose_at(self._poses.get(name, []), time)
 
     def scan(self, name: str, time: float) -> tuple[float, Hits]:
         """Returns stamp and end points of the newest scan at ``time``; no points before the first scan."""
@@ -68,6 +56,11 @@ class Recording:
     def plan(self, name: str, time: float) -> Points:
         """Returns a robot's plan at ``time``; empty before the first."""
         return (_newest(self._plans.get(name, []), time) or (time, []))[1]
+
+
+def _append(kept: list[tuple[float, Kept]], stamp: float, value: Kept) -> None:
+    if not kept or stamp >= kept[-1][0] + INTERVAL - 1e-6:
+        kept.append((stamp, value))
 
 
 def _newest(kept: list[tuple[float, Kept]], time: float) -> tuple[float, Kept] | None:

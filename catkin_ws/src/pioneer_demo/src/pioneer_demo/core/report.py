@@ -5,10 +5,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pioneer_demo.core.cost import Cost
 from pioneer_demo.core.fleet import Fleet
 from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.view import number
+from pioneer_harness.accounting import Usage
 from pioneer_node.core.count import counted
 
 FORMAT = 1
@@ -18,13 +18,12 @@ FORMAT = 1
 class Outcome:
     """How the demo ended."""
 
-    success: bool  #: whether all criteria were met and every process ended when asked to
-    faults: list[str]  #: failed criteria, one line each
+    faults: list[str]  #: failed criteria and processes that did not end when asked to, one line each
     milestones: Mapping[str, float]  #: wall time since the command was entered [s], in chronological order
     seconds_to_moving: float  #: the same for the moment when the last robot started to move; nan if one never moved
     drive_wall: float  #: wall time from sending the waypoints to the end [s]
     drive_cpu: float  #: CPU time [s] of all processes in that time
-    costs: Mapping[str, Cost]  #: by kind of process, including start-up
+    costs: Mapping[str, Usage]  #: by kind of process, including start-up
 
 
 def report(fleet: Fleet, outcome: Outcome, settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -33,7 +32,7 @@ def report(fleet: Fleet, outcome: Outcome, settings: Mapping[str, Any]) -> dict[
     return _without_nan(
         {
             "format": FORMAT,
-            "success": outcome.success,
+            "success": not outcome.faults,
             "faults": outcome.faults,
             "settings": dict(settings),
             "seconds_to_moving": outcome.seconds_to_moving,
@@ -101,10 +100,10 @@ def _robot_table(robots: Mapping[str, Any]) -> str:
         (
             name,
             f"{robot['reached']}/{robot['waypoints']}",
-            f"{_number(robot['seconds'], 1)} s",
-            f"{_number(robot['path_length'], 1)} m",
-            f"{_number(robot['localisation_error']['mean'], 3)} m",
-            f"{_number(robot['localisation_error']['p95'], 3)} m",
+            f"{number(robot['seconds'], 1)} s",
+            f"{number(robot['path_length'], 1)} m",
+            f"{number(robot['localisation_error']['mean'], 3)} m",
+            f"{number(robot['localisation_error']['p95'], 3)} m",
             str(robot["collisions"]),
         )
         for name, robot in robots.items()
@@ -115,9 +114,9 @@ def _robot_table(robots: Mapping[str, Any]) -> str:
 def _drive_line(numbers: Mapping[str, Any]) -> str:
     drive = numbers["drive"]
     return (
-        f"{_number(drive['simulated_seconds'], 1)} s simulated in {_number(drive['wall_seconds'], 1)} s: real-time "
-        f"factor {_number(drive['real_time_factor'], 2)}, {_number(drive['cpu_seconds_per_simulated_second'], 2)} "
-        f"CPU-s a simulated second; all moving {_number(numbers['seconds_to_moving'], 1)} s after the start\n"
+        f"{number(drive['simulated_seconds'], 1)} s simulated in {number(drive['wall_seconds'], 1)} s: real-time "
+        f"factor {number(drive['real_time_factor'], 2)}, {number(drive['cpu_seconds_per_simulated_second'], 2)} "
+        f"CPU-s a simulated second; all moving {number(numbers['seconds_to_moving'], 1)} s after the start\n"
         f"{drive['messages']} messages, {drive['bytes'] / 1e6:.1f} MB between base station and robots"
     )
 
@@ -153,10 +152,6 @@ def verdict_line(numbers: Mapping[str, Any]) -> str:
     arrived = counted(sent, "waypoint") if reached == sent else f"{reached} of {counted(sent, 'waypoint')}"
     contacts = counted(collisions, "collision") if collisions else "no collision"
     return f"Success: {counted(len(robots), 'robot')}, {arrived} reached, {contacts}"
-
-
-def _number(value: float | None, digits: int) -> str:
-    return number(math.nan if value is None else value, digits)
 
 
 def _without_nan(value: Any) -> Any:

@@ -1,6 +1,5 @@
 """Record of one robot's run: path, waypoints and localisation error."""
 
-import bisect
 import collections
 import dataclasses
 import math
@@ -8,7 +7,7 @@ import math
 import numpy as np
 
 from pioneer_demo.core.waypoint import Leg
-from pioneer_fleet.core.geometry import Points, Pose, remaining_length
+from pioneer_fleet.core.geometry import Points, Pose, pose_at, remaining_length
 from pioneer_fleet.core.monitor import ClientState, Queue, RobotMonitor
 
 _MOVED = 0.05
@@ -40,7 +39,7 @@ class RobotTrack:
         self.monitor = RobotMonitor()
         self.visits: list[Visit] = []
         self.pose: Pose | None = None
-        self.driven: Points = []
+        self.driven: Points = []  # from its first known position
         self.path_length = 0.0
         self.first_motion: float | None = None
         self.collisions = 0
@@ -56,11 +55,6 @@ class RobotTrack:
     def queue(self) -> Queue | None:
         """The waypoint client's newest report."""
         return self.monitor.queue
-
-    @property
-    def start(self) -> tuple[float, float] | None:
-        """The robot's first known position."""
-        return self.driven[0] if self.driven else None
 
     @property
     def localised(self) -> bool:
@@ -169,16 +163,6 @@ class RobotTrack:
         """Computes errors for true poses once odometry before and after their stamps is available."""
         while self._unjudged and self._odometry and self._unjudged[0][0] <= self._odometry[-1][0]:
             stamp, truth = self._unjudged.popleft()
-            odometry = self._odometry_at(stamp)
+            odometry = pose_at(self._odometry, stamp)
             if odometry is not None and self._correction is not None:
                 self.errors.append(self._correction.compose(odometry).distance(truth))
-
-    def _odometry_at(self, stamp: float) -> Pose | None:
-        index = bisect.bisect_left(self._odometry, stamp, key=lambda entry: entry[0])
-        after, newer = self._odometry[index]
-        if after == stamp:
-            return newer
-        if index == 0:
-            return None
-        before, older = self._odometry[index - 1]
-        return older.between(newer, (stamp - before) / (after - before))

@@ -1,6 +1,8 @@
-"""Texts shown to users while a fleet runs."""
+"""Texts shown to users while a fleet runs, and its status for ``./pioneer status``."""
 
 import math
+from pathlib import Path
+from typing import Any
 
 from pioneer_demo.core.command import Ports, master_uri
 from pioneer_demo.core.fleet import Fleet, Simulator
@@ -13,7 +15,6 @@ _WORDS = {
     ClientState.WAITING_FOR_MOVE_BASE: "waiting for move_base",
     ClientState.DRIVING: "driving",
 }
-
 
 _BAR = 24
 
@@ -97,6 +98,47 @@ def state_word(robot: RobotTrack) -> str:
     return _WORDS[robot.queue.state] if robot.queue else "waiting for client"
 
 
-def number(value: float, digits: int, width: int = 0) -> str:
-    """Returns a number with ``digits`` decimals; a dash for nan."""
-    return f"{'–' if math.isnan(value) else format(value, f'.{digits}f'):>{width}}"
+def number(value: float | None, digits: int, width: int = 0) -> str:
+    """Returns a number with ``digits`` decimals; a dash for nan and None."""
+    return f"{'–' if value is None or math.isnan(value) else format(value, f'.{digits}f'):>{width}}"
+
+
+def fleet_status(
+    fleet: Fleet, config: FleetConfig, ports: Ports, phase: str, faults: list[str], now: float
+) -> dict[str, Any]:
+    """Returns a fleet's status for ``json.dumps``. SI units; null for unknown.
+
+    Args:
+        fleet: its state.
+        config: its configuration.
+        ports: its TCP ports.
+        phase: description of its current phase.
+        faults: its faults, one line each.
+        now: monotonic time [s].
+    """
+    return {
+        "phase": phase,
+        "faults": faults,
+        "world": config.world,
+        "log": str(Path.cwd() / config.log),
+        "hub": f"http://127.0.0.1:{ports.hub}",
+        "master": master_uri(ports.hub_gateway_master),
+        "simulated_seconds": round(fleet.simulator.time, 3),
+        "real_time_factor": _known(fleet.simulator.real_time_factor),
+        "robots": [_robot(robot, port, now) for robot, port in zip(fleet.robots, ports.robot_masters, strict=True)],
+    }
+
+
+def _robot(robot: RobotTrack, port: int, now: float) -> dict[str, Any]:
+    return {
+        "robot": robot.name,
+        "master": master_uri(port),
+        "state": state_word(robot),
+        **robot.monitor.robot_json(now),
+        "localisation_error": _known(robot.error),
+        "collisions": robot.collisions,
+    }
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else round(value, 3)

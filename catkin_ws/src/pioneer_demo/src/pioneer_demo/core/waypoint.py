@@ -134,8 +134,7 @@ class _Chooser:
         return Leg(goal, way, float(steps[row, col]))
 
     def _positions(self, cells: NDArray[np.intp]) -> NDArray[np.float64]:
-        corner = np.array([self._passable.x, self._passable.y])
-        return corner + (cells[:, ::-1] + 0.5) * self._passable.resolution
+        return np.column_stack(self._passable.position(*cells.T))
 
     def _cell_near(self, pose: Pose, what: str) -> tuple[int, int]:
         """Returns the free cell nearest to ``pose``, at most half a metre away."""

@@ -17,10 +17,9 @@ from pioneer_demo.adapters.interrupt import Interrupt, Interrupted
 from pioneer_demo.adapters.scenario_file import scenario_of, scenario_path
 from pioneer_demo.adapters.study_report import write_report
 from pioneer_demo.core.error import DemoError, OptionError
-from pioneer_demo.core.option import Machine
+from pioneer_demo.core.option import ExperimentConfig, Machine, experiment_config
 from pioneer_demo.core.scenario import Scenario
 from pioneer_demo.core.study import Run, Study, merged
-from pioneer_demo.core.study_option import ExperimentConfig, experiment_config
 from pioneer_harness.proc import processors
 from pioneer_node.adapters.document import read_content, read_document
 from pioneer_node.core.document import DocumentError
@@ -86,8 +85,9 @@ def _run(config: ExperimentConfig, study: Study, scenarios: Mapping[str, str], i
     folder = config.output
     (folder / "runs").mkdir(parents=True, exist_ok=True)
     _check_same(folder / "study.json", {"scenarios": scenarios, "program": study.program})
-    rows = {run: row for run in study.all_runs() if (row := _row_in(folder, run)) is not None}
-    missing = [run for run in study.all_runs() if run not in rows]
+    paths = {run: folder / "runs" / f"{run.name}.json" for run in study.all_runs()}
+    rows = {run: json.loads(path.read_text()) for run, path in paths.items() if path.is_file()}
+    missing = [run for run in paths if run not in rows]
     if rows:
         print(f"{len(rows)} of {len(rows) + len(missing)} runs exist in {folder / 'runs'}", flush=True)
     failures = _do(config, study, scenarios, missing, rows, interrupt) if missing else []
@@ -107,11 +107,10 @@ def _do(
     folder, began, shown = config.output, time.monotonic(), 0.0
     failures, done = list[str](), 0
     with Cluster(config.scheduler, config.jobs) as cluster:
-        print(f"{len(missing)} runs, {len(cluster.workers)} at a time", flush=True)
+        print(f"{len(missing)} runs, {cluster.workers} at a time", flush=True)
         keep = {run: str(folder.resolve() / "reports" / run.name) if config.keep else "" for run in missing}
         program = shlex.split(study.program)
-        cluster.submit(program, {run: scenarios[run.variant] for run in missing}, keep)
-        for result in cluster.results(_POLL):
+        for result in cluster.results(program, {run: scenarios[run.variant] for run in missing}, keep, _POLL):
             interrupt.check()
             if result is not None:
                 run, row = result
@@ -126,15 +125,6 @@ def _do(
                 left = (shown - began) / done * (len(missing) - done)
                 print(f"{done} of {len(missing)} runs; about {left / 60:.0f} min left", flush=True)
     return failures
-
-
-def _row_in(folder: Path, run: Run) -> dict[str, Any] | None:
-    path = folder / "runs" / f"{run.name}.json"
-    try:
-        row: dict[str, Any] = json.loads(path.read_text())
-    except FileNotFoundError:
-        return None
-    return row
 
 
 def _check_same(path: Path, content: Mapping[str, Any]) -> None:

@@ -1,6 +1,5 @@
 """Injects faults at simulated times: killed computers, bad links, frozen gateways, missing scans, doors, moves."""
 
-import dataclasses
 import heapq
 import itertools
 import math
@@ -30,16 +29,6 @@ _DOOR = """<sdf version="1.6"><model name="{name}"><static>true</static><link na
 </link></model></sdf>"""
 
 
-@dataclasses.dataclass(order=True)
-class _Step:
-    """An action due at a simulated time since the start [s]."""
-
-    time: float
-    number: int
-    text: str = dataclasses.field(compare=False)
-    action: Callable[[], None] = dataclasses.field(compare=False)
-
-
 class FaultRunner:
     """Injects and ends the faults of a scenario. Use it from the command's main thread.
 
@@ -51,7 +40,8 @@ class FaultRunner:
     def __init__(self, config: DemoConfig, run: FleetRun) -> None:
         self._config, self._run = config, run
         self._numbers = itertools.count()
-        self._steps = list[_Step]()
+        #: heap of actions: when they are due [s of simulated time since the start], number, announcement, function
+        self._steps = list[tuple[float, int, str, Callable[[], None]]]()
         self._frozen = set[str]()
         self._now, self._hub_runs = 0.0, True
         self._restarted = dict[str, float]()
@@ -64,7 +54,7 @@ class FaultRunner:
         """Time of the next action [s of simulated time since the start]."""
         if self._restarted:
             return -math.inf
-        return self._steps[0].time if self._steps else math.inf
+        return self._steps[0][0] if self._steps else math.inf
 
     def advance(self, time: float) -> None:
         """Executes all actions due at a simulated time since the start [s].
@@ -73,11 +63,11 @@ class FaultRunner:
             FaultError: the simulator refuses an action.
         """
         self._now = time
-        while self._steps and self._steps[0].time <= time + _EXACT:
-            step = heapq.heappop(self._steps)
-            if step.text:
-                self._run.display.say(f"{time:.1f} s: {step.text}")
-            step.action()
+        while self._steps and self._steps[0][0] <= time + _EXACT:
+            *_, text, action = heapq.heappop(self._steps)
+            if text:
+                self._run.display.say(f"{time:.1f} s: {text}")
+            action()
         for name, asked in list(self._restarted.items()):
             self._resend(name, asked, time)
 
@@ -88,10 +78,12 @@ class FaultRunner:
 
     def _plan(self, fault: Fault, time: float) -> None:
         begin, end = self._actions(fault)
-        heapq.heappush(self._steps, _Step(time, next(self._numbers), str(fault), begin))
+        self._schedule(time, begin, str(fault))
         if end is not None:
-            text = f"over: {fault}"
-            heapq.heappush(self._steps, _Step(time + fault.lasts, next(self._numbers), text, end))
+            self._schedule(time + fault.lasts, end, f"over: {fault}")
+
+    def _schedule(self, time: float, action: Callable[[], None], text: str = "") -> None:
+        heapq.heappush(self._steps, (time, next(self._numbers), text, action))
 
     def _actions(self, fault: Fault) -> tuple[Callable[[], None], Callable[[], None] | None]:
         """Returns the actions that begin and end a fault."""
@@ -128,11 +120,12 @@ class FaultRunner:
             self._run.processes.kill(names)
         else:
             self._run.course.take_part(whom, False)
-            self._in_next_period(partial(self._run.processes.kill, names))
+            self._schedule(self._now + 2 * _EXACT, partial(self._run.processes.kill, names))  # in the next period
 
     def _restart(self, whom: str, names: Sequence[str]) -> None:
         if self._run.course is not None and not (self._hub_runs or whom == HUB):
-            self._in_next_period(partial(self._restart, whom, names))  # time stays stopped until it finds the hub
+            # Time stays stopped until it finds the hub.
+            self._schedule(self._now + 2 * _EXACT, partial(self._restart, whom, names))
             return
         self._run.processes.restart(names)
         self._hub_runs |= whom == HUB
@@ -142,9 +135,6 @@ class FaultRunner:
             with self._run.lock:
                 self._track(whom).monitor.queue = None
             self._restarted[whom] = -math.inf
-
-    def _in_next_period(self, action: Callable[[], None]) -> None:
-        heapq.heappush(self._steps, _Step(self._now + 2 * _EXACT, next(self._numbers), "", action))
 
     def _resend(self, name: str, asked: float, time: float) -> None:
         """Sends a restarted robot its remaining waypoints until it reports that it has received them."""

@@ -18,9 +18,8 @@ from pioneer_demo.core.error import StartError
 from pioneer_demo.core.fleet import Fleet
 from pioneer_demo.core.option import OBSERVER, FleetConfig
 from pioneer_demo.core.recording import Recording
-from pioneer_demo.core.status import fleet_status
 from pioneer_demo.core.track import RobotTrack
-from pioneer_demo.core.view import fleet_lines, guide
+from pioneer_demo.core.view import fleet_lines, fleet_status, guide
 from pioneer_demo.nodes.flip import STATE, FlipRequest
 from pioneer_demo.nodes.observer import ObserverNode
 from pioneer_fleet.adapters.registry import Entry
@@ -90,10 +89,14 @@ class FleetRun:
         )
 
     def stay_up(self) -> NoReturn:
-        """Keeps the fleet running until shutdown is requested; shows its status only on a terminal."""
-        terminal = self.display.in_place
-        while True:
-            self.look(fleet_lines if terminal else None, "up")
+        """Starts the fleet and keeps it running until shutdown is requested; shows its status only on a terminal."""
+        try:
+            self.start()
+            print(guide(self._config, self.processes.ports, self.watch.seconds()), flush=True)
+            while True:
+                self.look(fleet_lines if self.display.in_place else None, "up")
+        finally:
+            self.stop(in_order=False)
 
     @property
     def seen(self) -> ObserverNode:
@@ -140,14 +143,10 @@ class FleetRun:
         self.display.clear()
         try:
             if in_order:
-                return self.processes.stop(_GRACE, urgent=self._interrupt.has_come)
+                return self.processes.stop(_GRACE, urgent=self._interrupt.is_set)
             return self.processes.stop(_GRACE_IN_A_HURRY, urgent=lambda: False)
         finally:
             self._entry.close()
-
-    def guide(self) -> str:
-        """Returns usage instructions for the running fleet."""
-        return guide(self._config, self.processes.ports, self.watch.seconds())
 
     def _starting(self, condition: Callable[[], object], what: str, milestone: str) -> None:
         self._step += 1

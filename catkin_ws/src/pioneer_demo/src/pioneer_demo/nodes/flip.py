@@ -1,5 +1,6 @@
 """Requests the flip rules through which the base station observes the robots' masters."""
 
+import contextlib
 import threading
 from collections.abc import Sequence
 
@@ -8,7 +9,7 @@ from gateway_msgs.msg import ConnectionType, ErrorCodes, RemoteRule, Rule
 from gateway_msgs.srv import Remote, RemoteRequest
 
 from pioneer_demo.core.command import gateway_name
-from pioneer_demo.core.error import DemoError, FlipError
+from pioneer_demo.core.error import FlipError
 
 _SERVICE = "/gateway/flip"
 _RETRY = 0.2
@@ -29,10 +30,10 @@ class FlipRequest(threading.Thread):
     def __init__(self, node: str, robots: Sequence[str], topics: Sequence[str]) -> None:
         """Prepares the request of ``node`` (name without slash) for these robots."""
         super().__init__(name="flip request", daemon=True)
-        self._rules = _rules(node, robots, topics)
+        self._request = RemoteRequest(cancel=False, remotes=_rules(node, robots, topics))
         self._cancelled = threading.Event()
         self._accepted = False
-        self._error: DemoError | None = None
+        self._error: FlipError | None = None
 
     def cancel(self) -> None:
         """Asks the thread to end soon."""
@@ -50,37 +51,23 @@ class FlipRequest(threading.Thread):
 
     def run(self) -> None:
         """Calls the service until it accepts or refuses, or ``cancel`` is called."""
-        try:
-            self._accepted = self._request()
-        except FlipError as error:
-            self._error = error
-
-    def _request(self) -> bool:
-        request = RemoteRequest(cancel=False, remotes=self._rules)
         call = rospy.ServiceProxy(_SERVICE, Remote)
-        while not self._cancelled.is_set():
-            try:
-                answer = call(request)
-            except (rospy.ServiceException, rospy.ROSException, OSError):
-                answer = None  # the gateway is not up yet
-            if answer is not None and answer.result == ErrorCodes.SUCCESS:
-                return True
-            if answer is not None and answer.result not in _NOT_YET:
-                raise FlipError(
-                    f"the hub gateway refused the observer's flips: {answer.error_message} ({answer.result})"
-                )
-            self._cancelled.wait(_RETRY)
-        return False
+        while not (self._cancelled.is_set() or self._accepted or self._error):
+            # The gateway may not be up yet.
+            with contextlib.suppress(rospy.ServiceException, rospy.ROSException, OSError):
+                answer = call(self._request)
+                self._accepted = answer.result == ErrorCodes.SUCCESS
+                if not self._accepted and answer.result not in _NOT_YET:
+                    reason = f"{answer.error_message} ({answer.result})"
+                    self._error = FlipError(f"the hub gateway refused the observer's flips: {reason}")
+            if not self._accepted:
+                self._cancelled.wait(_RETRY)
 
 
 def _rules(node: str, robots: Sequence[str], names: Sequence[str]) -> list[RemoteRule]:
     rules = []
     for number, robot in enumerate(robots, 1):
-        topics = ["/tf", *(f"/{robot}/{topic}" for topic in names)]
-        rules += [_rule(number, ConnectionType.SUBSCRIBER, topic, node) for topic in topics]
-        rules.append(_rule(number, ConnectionType.PUBLISHER, f"/{robot}/map_goal", node))
+        topics = [(ConnectionType.SUBSCRIBER, topic) for topic in ("/tf", *(f"/{robot}/{name}" for name in names))]
+        for kind, topic in (*topics, (ConnectionType.PUBLISHER, f"/{robot}/map_goal")):
+            rules.append(RemoteRule(gateway_name(number), Rule(type=kind, name=topic, node=f"/{node}")))
     return rules
-
-
-def _rule(number: int, kind: str, topic: str, node: str) -> RemoteRule:
-    return RemoteRule(gateway_name(number), Rule(type=kind, name=topic, node=f"/{node}"))

@@ -9,14 +9,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import rospkg
+import yaml
 
 from pioneer_demo.adapters.interrupt import Interrupt, Interrupted, mute
 from pioneer_demo.adapters.network import enter
-from pioneer_demo.adapters.output import make_outputs
 from pioneer_demo.adapters.processes import FleetProcesses
 from pioneer_demo.adapters.scenario_file import read_scenario
 from pioneer_demo.adapters.stopwatch import Stopwatch
 from pioneer_demo.adapters.world_folder import place_count, places_by_world
+from pioneer_demo.core.command import written_files
 from pioneer_demo.core.error import DemoError, OptionError
 from pioneer_demo.core.option import CONFIGS, DemoConfig, FleetConfig, Machine
 from pioneer_harness.error import HarnessError
@@ -46,27 +47,21 @@ def main(words: Sequence[str], interrupt: Interrupt) -> int:
         config = _configured(command, arguments)
         if config.linked:
             enter(words)
-        make_outputs(config)
+        _make_outputs(config)
         interrupt.check()
         return _run(config, watch, interrupt)
     except Interrupted as error:
         print(f"{error}: every process of this {command} has ended.")
         return error.status
-    except OptionError as error:
-        print(f"pioneer {command}: {error}", file=sys.stderr)
-        return _BAD_ARGUMENTS
     except BrokenPipeError:
         text = f"pioneer {command}: the reader of its output has ended; so has every process of this {command}"
         print(text, file=sys.stderr)
         mute()
         return _FAILED
-    except OSError as error:
-        text = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+    except (DemoError, HarnessError, OSError) as error:
+        text = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
         print(f"pioneer {command}: {text}", file=sys.stderr)
-        return _FAILED
-    except (DemoError, HarnessError) as error:
-        print(f"pioneer {command}: {error}", file=sys.stderr)
-        return _FAILED
+        return _BAD_ARGUMENTS if isinstance(error, OptionError) else _FAILED
 
 
 def _run(config: FleetConfig, watch: Stopwatch, interrupt: Interrupt) -> int:
@@ -86,13 +81,7 @@ def _run(config: FleetConfig, watch: Stopwatch, interrupt: Interrupt) -> int:
             return Demo(config, watch, interrupt, processes).run()
         from pioneer_demo.nodes.fleet import FleetRun
 
-        fleet = FleetRun(config, watch, interrupt, processes)
-        try:
-            fleet.start()
-            print(fleet.guide(), flush=True)
-            fleet.stay_up()
-        finally:
-            fleet.stop(in_order=False)
+        return FleetRun(config, watch, interrupt, processes).stay_up()
 
 
 def _configured(command: str, arguments: Sequence[str]) -> FleetConfig:
@@ -136,3 +125,37 @@ def _check_map(world: Path, simulator: Path) -> None:
     if not path.is_file():
         draw = f"./pioneer run rosrun pioneer_gazebo world_to_map {shlex.quote(str(world))}"
         raise OptionError(f"--world: it has no map {path}; draw it: {draw}")
+
+
+def _make_outputs(config: FleetConfig) -> None:
+    """Checks the output paths; creates the output folders and the files that the fleet's commands read.
+
+    Raises:
+        OptionError: an output cannot be written.
+        VideoError: no video can be made.
+    """
+    if isinstance(config, DemoConfig) and config.video is not None:
+        _check_folder("--video", config.video.parent)
+        from pioneer_demo.adapters.video import encoder
+
+        encoder()
+    if config.record is not None:
+        _check_folder("--record", config.record.parent)
+    option, folder = config.output
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise OptionError(f"{option} must be a folder; {folder} is a file") from None
+    except OSError as error:
+        raise OptionError(f"{option}: cannot create the folder {folder} ({error.strerror})") from None
+    _check_folder(option, folder)
+    for name, content in written_files(config).items():
+        config.log.mkdir(exist_ok=True)
+        (config.log / name).write_text(yaml.safe_dump(content))
+
+
+def _check_folder(option: str, folder: Path) -> None:
+    if not folder.is_dir():
+        raise OptionError(f"{option}: there is no folder {folder}; create it first")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise OptionError(f"{option}: you may not write to the folder {folder}")

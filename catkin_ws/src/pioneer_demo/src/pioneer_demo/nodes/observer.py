@@ -126,9 +126,9 @@ class ObserverNode:
         self._fleet.simulator.real_time_factor = message.data
 
     def _on_gateway_info(self, message: GatewayInfo) -> None:
-        asked = {_key(remote): "not connected" for remote in message.flip_watchlist if _is_ours(remote)}
+        ours = [remote for remote in message.flip_watchlist if remote.rule.node.strip("/") == OBSERVER]
         known = {_key(flip.remote_rule): flip.status for flip in message.flipped_connections}
-        self.flips = {key: known.get(key, status) for key, status in asked.items()}
+        self.flips = {_key(remote): known.get(_key(remote), "not connected") for remote in ours}
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for connection, messages, size in conversions.counters_from_diagnostics(message):
@@ -178,10 +178,6 @@ class ObserverNode:
         robot.add_plan(points)
         if self._recording is not None:
             self._recording.add_plan(robot.name, self._fleet.simulator.time, points)
-
-
-def _is_ours(remote: RemoteRule) -> bool:
-    return bool(remote.rule.node.strip("/") == OBSERVER)
 
 
 def _key(remote: RemoteRule) -> str:

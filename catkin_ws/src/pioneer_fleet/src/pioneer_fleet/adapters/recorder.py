@@ -12,7 +12,7 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from pioneer_fleet.adapters.recording import Kind, Message, created
+from pioneer_fleet.adapters.recording import BagFile, Kind, McapFile, Message
 from pioneer_node.adapters.end_request import EndRequest
 from rocon_relay.core.connection import is_proxy_uri
 from tcpros.adapters.client import Client, Connection
@@ -36,10 +36,9 @@ class Recorder:
     def __init__(self, path: Path, masters: Mapping[str, str]) -> None:
         """``masters`` maps names to master URIs."""
         self._masters = {name: Client(uri, NAME) for name, uri in masters.items()}
-        self._writer = created(path)
-        self._connected: dict[tuple[str, str, str], Connection] = {}
+        self._writer: BagFile | McapFile = BagFile(path) if path.suffix == ".bag" else McapFile(path)
+        self._connected: set[tuple[str, str, str]] = set()
         self._proxies: set[tuple[str, str]] = set()
-        self._lock = threading.Lock()
         self._waiting: queue.Queue[Message | None] = queue.Queue(_WAITING)
         self._end = threading.Event()
         self.written = self.dropped = 0
@@ -73,9 +72,8 @@ class Recorder:
 
     def _connect(self, name: str, client: Client, topic: str, node: str) -> None:
         key = (name, topic, node)
-        with self._lock:
-            if key in self._connected or (name, node) in self._proxies:
-                return
+        if key in self._connected or (name, node) in self._proxies:
+            return
         try:
             if is_proxy_uri(str(client.ask_master("lookupNode", node))):
                 self._proxies.add((name, node))
@@ -83,8 +81,7 @@ class Recorder:
             connection = client.subscribe(node, topic)
         except (OSError, TcprosError):
             return  # the publisher has just ended; the next poll will notice
-        with self._lock:
-            self._connected[key] = connection
+        self._connected.add(key)
         threading.Thread(target=self._receive, args=(key, connection), name=topic, daemon=True).start()
 
     def _receive(self, key: tuple[str, str, str], connection: Connection) -> None:
@@ -97,16 +94,12 @@ class Recorder:
             with connection:
                 while True:
                     data = connection.read_frame()
-                    self._take(Message(f"/{name}{topic}", kind, time.time_ns(), data))
+                    try:
+                        self._waiting.put_nowait(Message(f"/{name}{topic}", kind, time.time_ns(), data))
+                    except queue.Full:
+                        self.dropped += 1
         except OSError:
-            with self._lock:
-                del self._connected[key]
-
-    def _take(self, message: Message) -> None:
-        try:
-            self._waiting.put_nowait(message)
-        except queue.Full:
-            self.dropped += 1
+            self._connected.remove(key)
 
 
 def main(words: Sequence[str]) -> int:

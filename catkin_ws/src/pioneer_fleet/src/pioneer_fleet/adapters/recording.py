@@ -2,9 +2,9 @@
 
 import contextlib
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 _ENCODING = "ros1msg"
 
@@ -16,6 +16,10 @@ class Kind(NamedTuple):
     md5sum: str
     definition: str
     latching: bool
+
+    def message_class(self, *bases: Any) -> Any:
+        """Returns a class for its serialised messages."""
+        return type("Raw", bases, {"_type": self.type, "_md5sum": self.md5sum, "_full_text": self.definition})
 
 
 class Message(NamedTuple):
@@ -29,16 +33,6 @@ class Message(NamedTuple):
 
 class RecordingError(Exception):
     """The file is not a valid recording; the message is one line."""
-
-
-class Writer(Protocol):
-    """Writes messages to a file; ``close`` finishes it."""
-
-    def add(self, message: Message) -> None:
-        """Writes one message."""
-
-    def close(self) -> None:
-        """Completes the file."""
 
 
 class McapFile:
@@ -83,8 +77,7 @@ class BagFile:
     def add(self, message: Message) -> None:
         """Writes one message."""
         kind = message.kind
-        fields = {"_type": kind.type, "_md5sum": kind.md5sum, "_full_text": kind.definition}
-        known = self._types.setdefault(kind, type("Recorded", (), fields))
+        known = self._types.setdefault(kind, kind.message_class())
         header = {"topic": message.topic, "type": kind.type, "md5sum": kind.md5sum}
         header |= {"message_definition": kind.definition, "latching": str(int(kind.latching))}
         raw = (kind.type, message.data, kind.md5sum, known)
@@ -95,13 +88,6 @@ class BagFile:
         self._bag.close()
 
 
-def created(path: Path) -> Writer:
-    """Creates a recording in the format given by the path's suffix; returns its writer."""
-    if path.suffix == ".bag":
-        return BagFile(path)
-    return McapFile(path)
-
-
 def messages_of(path: Path) -> Iterator[Message]:
     """Yields a recording's messages in chronological order.
 
@@ -109,7 +95,11 @@ def messages_of(path: Path) -> Iterator[Message]:
         RecordingError: the file is not a recording.
         OSError: it cannot be read.
     """
-    return _of_bag(path) if path.suffix == ".bag" else _of_mcap(path)
+    if path.suffix == ".bag":
+        yield from _of_bag(path)
+        return
+    with _mcap(path) as reader:
+        yield from _messages(reader.iter_messages())
 
 
 class Contents(NamedTuple):
@@ -147,16 +137,8 @@ def messages_since(path: Path, since: int) -> Iterator[Message]:
         latched = [one.topic for one in channels if one.metadata.get("latching") == "1"]
         before = reader.iter_messages(topics=latched, ending_before=since) if latched else ()
         newest = {(row[1].topic, row[1].id): row for row in before}
-        for row in newest.values():
-            yield from _message(*row)
-        for row in reader.iter_messages(starting_at=since):
-            yield from _message(*row)
-
-
-def _of_mcap(path: Path) -> Iterator[Message]:
-    with _mcap(path) as reader:
-        for row in reader.iter_messages():
-            yield from _message(*row)
+        yield from _messages(newest.values())
+        yield from _messages(reader.iter_messages(starting_at=since))
 
 
 @contextlib.contextmanager
@@ -171,11 +153,12 @@ def _mcap(path: Path) -> Iterator[Any]:
         raise RecordingError(f"{path} is not a complete MCAP file: {error}") from None
 
 
-def _message(schema: Any, channel: Any, message: Any) -> Iterator[Message]:
-    if schema is not None and schema.encoding == _ENCODING:
-        about: Mapping[str, str] = channel.metadata
-        kind = Kind(schema.name, about.get("md5sum", "*"), schema.data.decode(), about.get("latching") == "1")
-        yield Message(channel.topic, kind, message.log_time, message.data)
+def _messages(rows: Iterable[tuple[Any, Any, Any]]) -> Iterator[Message]:
+    for schema, channel, message in rows:
+        if schema is not None and schema.encoding == _ENCODING:
+            about: Mapping[str, str] = channel.metadata
+            kind = Kind(schema.name, about.get("md5sum", "*"), schema.data.decode(), about.get("latching") == "1")
+            yield Message(channel.topic, kind, message.log_time, message.data)
 
 
 def _of_bag(path: Path) -> Iterator[Message]:
@@ -184,12 +167,8 @@ def _of_bag(path: Path) -> Iterator[Message]:
     try:
         with rosbag.Bag(str(path)) as bag:
             for topic, raw, time, header in bag.read_messages(raw=True, return_connection_header=True):
-                text = {key: _text(value) for key, value in header.items()}
+                text = {key: value.decode() if isinstance(value, bytes) else value for key, value in header.items()}
                 kind = Kind(raw[0], raw[2], text["message_definition"], text.get("latching") == "1")
                 yield Message(topic, kind, time.to_nsec(), raw[1])
     except rosbag.ROSBagException as error:
         raise RecordingError(f"{path} is not a complete bag: {error}") from None
-
-
-def _text(value: str | bytes) -> str:
-    return value.decode() if isinstance(value, bytes) else value

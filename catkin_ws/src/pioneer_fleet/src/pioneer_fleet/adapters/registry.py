@@ -11,12 +11,11 @@ import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 
 class Entry:
-    """Registers this process's fleet until closed; a context manager."""
+    """Registers this process's fleet until closed."""
 
     def __init__(self) -> None:
         folder = _folder()
@@ -37,14 +36,6 @@ class Entry:
         self._path.unlink(missing_ok=True)
         self._path.with_suffix(".lock").unlink(missing_ok=True)
         self._lock.close()
-
-    def __enter__(self) -> "Entry":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def running_fleets() -> list[dict[str, Any]]:

@@ -1,8 +1,10 @@
 """2D poses and lines."""
 
+import bisect
 import dataclasses
 import itertools
 import math
+from collections.abc import Sequence
 
 Points = list[tuple[float, float]]
 """Positions along a polyline [m]."""
@@ -35,6 +37,15 @@ class Pose:
         return Pose(
             self.x + part * (other.x - self.x), self.y + part * (other.y - self.y), normalised(self.yaw + part * turn)
         )
+
+
+def pose_at(poses: Sequence[tuple[float, Pose]], time: float) -> Pose | None:
+    """Returns the pose at ``time`` from poses in order of time, interpolated; None before the first, then the last."""
+    after = bisect.bisect_right(poses, time, key=lambda one: one[0])
+    if after in (0, len(poses)):
+        return poses[-1][1] if after else None
+    (begin, before), (end, following) = poses[after - 1], poses[after]
+    return before.between(following, (time - begin) / (end - begin))
 
 
 def normalised(angle: float) -> float:

@@ -68,8 +68,6 @@ class Replay:
         topic = "/" + message.topic.lstrip("/").partition("/")[2]
         key = (topic, message.kind)
         if key not in self._publishers:
-            kind = message.kind
-            fields = {"_type": kind.type, "_md5sum": kind.md5sum, "_full_text": kind.definition}
-            raw = type("Raw", (rospy.AnyMsg,), fields)
-            self._publishers[key] = rospy.Publisher(topic, raw, queue_size=100, latch=kind.latching), raw
+            raw = message.kind.message_class(rospy.AnyMsg)
+            self._publishers[key] = rospy.Publisher(topic, raw, queue_size=100, latch=message.kind.latching), raw
         return self._publishers[key]

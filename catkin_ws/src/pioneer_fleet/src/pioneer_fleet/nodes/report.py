@@ -1,7 +1,6 @@
 """``report``: prints the state of this computer as lines of JSON, until the requested stage or the timeout."""
 
 import argparse
-import dataclasses
 import json
 import math
 import os
@@ -36,26 +35,19 @@ LINE_EVERY = 0.5
 """Minimum interval between lines, except before the last [s]."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Errand:
-    """Where to send the robot: to ``places``; else, if it has had no goals, to ``waypoints`` places of a tour."""
-
-    places: list[Place] = dataclasses.field(default_factory=list)
-    waypoints: int = 0
-    robots: int = 1
-
-
 class ReportNode:
     """Subscribes to this computer's gateway and robot, or simulator, and updates one `Report`.
 
     Subscribes: /gateway/gateway_info, /gateway/rules; for a robot its odom, base_scan, amcl_pose and
     map_goal_client/queue; on the base station /gazebo/real_time_factor and /gazebo/model_states.
-    Publishes: NAME/map_goal, if the robot has an errand.
+    Publishes: NAME/map_goal, for the robot's goals.
     Threads: callbacks write under a lock and wake the main thread, which prints.
     """
 
-    def __init__(self, report: Report, errand: Errand) -> None:
-        self._report, self._errand, self._sent, self._due = report, errand, False, 0
+    def __init__(self, report: Report, places: list[Place], waypoints: int, robots: int) -> None:
+        """Sends the robot to ``places``; else, if it has had no goals, to so many ``waypoints`` of a fleet's tour."""
+        self._report, self._places, self._waypoints, self._robots = report, places, waypoints, robots
+        self._sent, self._due = False, 0
         self._changed = threading.Condition()
         self._listen("/gateway/gateway_info", GatewayInfo, self._on_info)
         self._listen("/gateway/rules", DiagnosticArray, self._on_rules)
@@ -73,7 +65,7 @@ class ReportNode:
     def follow(self, until: Stage, arrived: int, timeout: float, settled: bool) -> bool:
         """Prints a line on each relevant change; returns whether the goal was reached before the time-out.
 
-        The goal: stage ``until`` is reached, the errand's places and ``arrived`` waypoints are processed, none waits.
+        The goal: stage ``until`` is reached, the places and ``arrived`` waypoints are processed, none waits.
         ``settled`` prints only the last line.
         """
         deadline, printed, last = time.monotonic() + timeout, "", -math.inf
@@ -92,20 +84,20 @@ class ReportNode:
         return False
 
     def _has_arrived(self, count: int) -> bool:
-        under_way = bool(self._errand.places) and not self._sent
+        under_way = bool(self._places) and not self._sent
         return not under_way and self._report.has_arrived(max(count, self._due))
 
     def _drive(self) -> None:
-        """Sends the errand's goals once the robot is ready for them."""
+        """Sends the robot's goals once the robot is ready for them."""
         if self._sent or self._report.stage < Stage.READY or self._goals is None:
             return
         if not self._goals.get_num_connections():
             return
-        self._sent, places = True, self._errand.places
+        self._sent, places = True, self._places
         received = self._report.queue.received if self._report.queue else 0
         if places:
             self._due = received + len(places)
-        elif self._errand.waypoints and not received:
+        elif self._waypoints and not received:
             places = self._tour()
         for x, y, heading in places:
             goal = Twist()
@@ -115,7 +107,7 @@ class ReportNode:
     def _tour(self) -> list[Place]:
         number = int(re.sub(r"\D", "", self._report.robot) or 1)
         places = places_from_mapping(rospy.get_param("/"))
-        return tour(places, number, self._errand.robots, self._errand.waypoints) if places else []
+        return tour(places, number, self._robots, self._waypoints) if places else []
 
     def _key(self) -> tuple[Stage, int]:
         """Returns the state whose changes wake the main thread."""
@@ -197,7 +189,7 @@ def main() -> int:
         return 1
     patch.stop_serving_at_shutdown()
     rospy.init_node("fleet_report", anonymous=True, disable_rostime=True, log_level=rospy.ERROR)
-    node = ReportNode(report, Errand(options.to, options.waypoints, options.robots))
+    node = ReportNode(report, options.to, options.waypoints, options.robots)
     left = max(0.1, deadline - time.monotonic())
     return 0 if node.follow(Stage[options.until.upper()], options.arrived, left, options.settled) else 1
 

@@ -8,7 +8,7 @@ import pytest
 import redis
 
 from pioneer_harness.machine import MachineError
-from pioneer_harness.master_process import MasterProcess
+from pioneer_harness.masters import MasterProcess
 from pioneer_harness.wait import wait_until
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.

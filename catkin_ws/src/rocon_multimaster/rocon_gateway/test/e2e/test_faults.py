@@ -8,7 +8,7 @@ import time
 import pytest
 from measure import checked, longest_gap
 
-from pioneer_harness.master_process import MasterProcess
+from pioneer_harness.masters import MasterProcess
 from pioneer_harness.port import PortReservation
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until

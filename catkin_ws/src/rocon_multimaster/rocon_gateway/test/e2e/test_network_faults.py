@@ -10,7 +10,7 @@ from measure import MB, checked, memory
 from tcp_proxy import TcpProxy
 
 from pioneer_harness.machine import MachineError
-from pioneer_harness.master_process import MasterProcess
+from pioneer_harness.masters import MasterProcess
 from pioneer_harness.wait import START, wait_until
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
