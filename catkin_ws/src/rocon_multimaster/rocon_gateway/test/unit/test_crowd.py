@@ -32,7 +32,7 @@ class Count:
 
 def situation(*gateways: str, also: str = "crowd") -> Situation:
     own = gateway("base")
-    book = own.book.flipped([to(one, Kind.PUBLISHER, "/flow") for one in gateways])
+    book = own.book.added("flip", [to(one, Kind.PUBLISHER, "/flow") for one in gateways])
     return Situation(book=book, firewall=False, local=frozenset(), connected=True, names=frozenset([*NAMES, also]))
 
 

@@ -57,7 +57,7 @@ def test_no_record_or_request_stops_the_comparison_or_takes_what_was_not_given(
     rules = [
         RemoteRule("robot", Rule(kind, name)) for kind in Kind if kind != Kind.PARAMETER for name in ("/f.*", ".*")
     ]
-    book = own.book.advertised([Rule(Kind.PUBLISHER, "/flow")]).flipped(rules[:2]).pulled(rules)
+    book = own.book.advertised([Rule(Kind.PUBLISHER, "/flow")]).added("flip", rules[:2]).added("pull", rules)
     situation = Situation(
         book=book,
         firewall=firewall,

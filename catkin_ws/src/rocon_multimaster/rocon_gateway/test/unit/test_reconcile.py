@@ -18,7 +18,7 @@ from rocon_relay.core.option import NO_OPTIONS, LinkOptions
 def test_a_pull_brings_what_is_advertised() -> None:
     hub, robot = gateway("hub", publisher("/clock", "/gazebo"), publisher("/secret")), gateway("robot")
     hub.book = hub.book.advertised([Rule(Kind.PUBLISHER, "/clock")])
-    robot.book = robot.book.pulled([to("hub", Kind.PUBLISHER, ALL)])
+    robot.book = robot.book.added("pull", [to("hub", Kind.PUBLISHER, ALL)])
     fleet_of(hub, robot)
     assert robot.imported() == {("/clock", "hub", "/gazebo")}
     assert robot.outcome.pulled[0].connection == publisher("/clock", "/gazebo")
@@ -29,7 +29,7 @@ def test_a_pull_brings_what_is_advertised() -> None:
 def test_a_pulled_topic_may_come_later() -> None:
     hub, robot = gateway("hub"), gateway("robot")
     hub.book = hub.book.advertised([Rule(Kind.PUBLISHER, "/clock")])
-    robot.book = robot.book.pulled([to("hub", Kind.PUBLISHER, "clock")])
+    robot.book = robot.book.added("pull", [to("hub", Kind.PUBLISHER, "clock")])
     fleet = fleet_of(hub, robot)
     assert robot.states() == {"pull clock": State.NO_TOPIC}
     hub.local.add(publisher("/clock"))
@@ -39,7 +39,7 @@ def test_a_pulled_topic_may_come_later() -> None:
 
 def test_a_flipped_publisher_appears_at_the_other_gateway() -> None:
     hub, robot = gateway("hub"), gateway("robot", publisher("/p1/cmd_vel", "/p1/controller"), publisher("/p1/scan"))
-    robot.book = robot.book.flipped([to("hub", Kind.PUBLISHER, "/p1/cmd_vel")])
+    robot.book = robot.book.added("flip", [to("hub", Kind.PUBLISHER, "/p1/cmd_vel")])
     fleet_of(hub, robot)
     assert hub.imported() == {("/p1/cmd_vel", "robot", "/p1/controller")}
     assert robot.imported() == set()
@@ -51,7 +51,7 @@ def test_a_flipped_publisher_appears_at_the_other_gateway() -> None:
 def test_a_flipped_subscriber_brings_the_publishers_for_its_node_only() -> None:
     hub = gateway("hub", publisher("/p1/scan", "/gazebo"), publisher("/p1/scan", "/other"))
     robot = gateway("robot")
-    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/p1/scan", "/amcl.*")])
+    robot.book = robot.book.added("flip", [to("hub", Kind.SUBSCRIBER, "/p1/scan", "/amcl.*")])
     fleet_of(hub, robot)
     assert robot.imported() == {("/p1/scan", "hub", "/gazebo"), ("/p1/scan", "hub", "/other")}
     assert {one.allowed_nodes for one in robot.outcome.imports} == {("/amcl.*",)}
@@ -60,11 +60,11 @@ def test_a_flipped_subscriber_brings_the_publishers_for_its_node_only() -> None:
 
 def test_two_rules_for_two_nodes_make_one_import_for_both() -> None:
     hub, robot = gateway("hub", publisher("/scan")), gateway("robot")
-    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/scan", node) for node in ("/b", "/a")])
+    robot.book = robot.book.added("flip", [to("hub", Kind.SUBSCRIBER, "/scan", node) for node in ("/b", "/a")])
     fleet_of(hub, robot)
     (only,) = robot.outcome.imports
     assert only.allowed_nodes == ("/a", "/b")
-    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/scan")])
+    robot.book = robot.book.added("flip", [to("hub", Kind.SUBSCRIBER, "/scan")])
     fleet_of(hub, robot)
     (only,) = robot.outcome.imports
     assert only.allowed_nodes == ()
@@ -73,7 +73,7 @@ def test_two_rules_for_two_nodes_make_one_import_for_both() -> None:
 def test_a_pattern_of_subscribers_means_subscribers_that_exist() -> None:
     hub = gateway("hub", publisher("/a"), publisher("/b"))
     robot = gateway("robot", subscriber("/a"))
-    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, ALL)])
+    robot.book = robot.book.added("flip", [to("hub", Kind.SUBSCRIBER, ALL)])
     fleet_of(hub, robot)
     assert robot.imported() == {("/a", "hub", "/talker")}
     assert [one.connection for one in robot.outcome.flipped] == [subscriber("/a")]
@@ -83,7 +83,7 @@ def test_a_pulled_subscriber_gets_the_pullers_publishers() -> None:
     hub = gateway("hub", subscriber("/a", "/listener"), subscriber("/a", "/other"))
     robot = gateway("robot", publisher("/a"))
     hub.book = hub.book.advertised([Rule(Kind.SUBSCRIBER, "/a", "/listener")])
-    robot.book = robot.book.pulled([to("hub", Kind.SUBSCRIBER, "/a")])
+    robot.book = robot.book.added("pull", [to("hub", Kind.SUBSCRIBER, "/a")])
     fleet_of(hub, robot)
     (only,) = hub.outcome.imports
     assert (only.source_gateway, only.allowed_nodes) == ("robot", ("/listener",))
@@ -99,10 +99,10 @@ def test_nobody_imports_what_nobody_asked_for() -> None:
 def test_tf_crosses_both_ways_and_nothing_comes_back() -> None:
     hub = gateway("hub", publisher("/tf", "/gazebo"), subscriber("/tf", "/rviz"))
     robot = gateway("robot", publisher("/tf", "/amcl"), subscriber("/tf", "/move_base"))
-    hub.book = hub.book.advertised([Rule(Kind.PUBLISHER, "/tf")]).flipped(
-        [to("robot", Kind.SUBSCRIBER, "/tf", "/rviz")]
+    hub.book = hub.book.advertised([Rule(Kind.PUBLISHER, "/tf")]).added(
+        "flip", [to("robot", Kind.SUBSCRIBER, "/tf", "/rviz")]
     )
-    robot.book = robot.book.pulled([to("hub", Kind.PUBLISHER, "/tf")])
+    robot.book = robot.book.added("pull", [to("hub", Kind.PUBLISHER, "/tf")])
     fleet_of(hub, robot)
     assert robot.imported() == {("/tf", "hub", "/gazebo")}
     assert hub.imported() == {("/tf", "robot", "/amcl")}
@@ -112,8 +112,8 @@ def test_a_firewall_refuses_flips_and_reports_it_and_lets_pulls_through() -> Non
     hub = gateway("hub", publisher("/a"), firewall=True)
     robot = gateway("robot", publisher("/b"))
     hub.book = hub.book.advertised([Rule(Kind.PUBLISHER, "/a")])
-    robot.book = robot.book.flipped([to("hub", Kind.PUBLISHER, "/b"), to("hub", Kind.SUBSCRIBER, "/c")]).pulled(
-        [to("hub", Kind.PUBLISHER, "/a")]
+    robot.book = robot.book.added("flip", [to("hub", Kind.PUBLISHER, "/b"), to("hub", Kind.SUBSCRIBER, "/c")]).added(
+        "pull", [to("hub", Kind.PUBLISHER, "/a")]
     )
     fleet_of(hub, robot)
     assert robot.states() == {"flip /b": State.FIREWALLED, "flip /c": State.FIREWALLED, "pull /a": State.ACTIVE}
@@ -123,7 +123,7 @@ def test_a_firewall_refuses_flips_and_reports_it_and_lets_pulls_through() -> Non
 
 def test_a_firewall_that_falls_lets_the_flip_in() -> None:
     hub, robot = gateway("hub", firewall=True), gateway("robot", publisher("/b"))
-    robot.book = robot.book.flipped([to("hub", Kind.PUBLISHER, "/b")])
+    robot.book = robot.book.added("flip", [to("hub", Kind.PUBLISHER, "/b")])
     fleet = fleet_of(hub, robot)
     hub.firewall = False
     fleet.settle()
@@ -133,8 +133,8 @@ def test_a_firewall_that_falls_lets_the_flip_in() -> None:
 def test_what_is_blacklisted_does_not_leave_and_the_rule_says_why() -> None:
     hub = FakeGateway(RuleBook("hub", (Rule(Kind.PUBLISHER, "/rosout.*"),)), {publisher("/rosout"), publisher("/a")})
     robot = gateway("robot")
-    hub.book = hub.book.flipped([to("robot", Kind.PUBLISHER, "/ros.*"), to("robot", Kind.PUBLISHER, ALL)])
-    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/rosout")])
+    hub.book = hub.book.added("flip", [to("robot", Kind.PUBLISHER, "/ros.*"), to("robot", Kind.PUBLISHER, ALL)])
+    robot.book = robot.book.added("flip", [to("hub", Kind.SUBSCRIBER, "/rosout")])
     fleet_of(hub, robot)
     assert robot.imported() == {("/a", "hub", "/talker")}
     assert hub.states()["flip /ros.*"] == "blacklisted by publisher /rosout.*"
@@ -143,7 +143,7 @@ def test_what_is_blacklisted_does_not_leave_and_the_rule_says_why() -> None:
 
 def test_a_flip_alls_own_blacklist_bars_only_there() -> None:
     hub, robot = gateway("hub", publisher("/a"), publisher("/b")), gateway("robot")
-    hub.book = hub.book.flipping_all("robot", [Rule(Kind.PUBLISHER, "/a")]).advertised([Rule(Kind.PUBLISHER, "/a")])
+    hub.book = hub.book.with_all("flip", "robot", [Rule(Kind.PUBLISHER, "/a")]).advertised([Rule(Kind.PUBLISHER, "/a")])
     fleet_of(hub, robot)
     assert robot.imported() == {("/b", "hub", "/talker")}
     assert [one.name for one in hub.outcome.advertised] == ["/a"]
@@ -152,8 +152,8 @@ def test_a_flip_alls_own_blacklist_bars_only_there() -> None:
 def test_types_that_differ_are_reported_and_not_connected() -> None:
     hub = gateway("hub", publisher("/a", kind="std_msgs/Int32"))
     robot = gateway("robot", subscriber("/a"))
-    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/a")])
-    hub.book = hub.book.flipped([to("robot", Kind.PUBLISHER, "/a")])
+    robot.book = robot.book.added("flip", [to("hub", Kind.SUBSCRIBER, "/a")])
+    hub.book = hub.book.added("flip", [to("robot", Kind.PUBLISHER, "/a")])
     fleet_of(hub, robot)
     assert robot.outcome.imports == frozenset()
     assert robot.states() == hub.states() == {"flip /a": State.TYPE_MISMATCH}
@@ -176,7 +176,7 @@ def test_types_that_differ_are_reported_and_not_connected() -> None:
 def test_a_typo_is_answered_with_what_exists(rule: RemoteRule, state: State, reason: str) -> None:
     hub = gateway("hub", publisher("/chatter"), service("/add", "/adder"))
     robot = gateway("robot", publisher("/p1/base_scan"), subscriber("/heard"))
-    hub.book = hub.book.flipped([rule])
+    hub.book = hub.book.added("flip", [rule])
     fleet_of(hub, robot)
     assert list(hub.states().values()) == [state]
     assert reason in hub.reason(rule.rule.name)
@@ -184,8 +184,8 @@ def test_a_typo_is_answered_with_what_exists(rule: RemoteRule, state: State, rea
 
 def test_a_topic_for_a_node_that_does_not_listen_reports_it_and_who_does() -> None:
     hub, robot = gateway("hub", subscriber("/a", "/rviz")), gateway("robot", publisher("/a"), publisher("/b"))
-    hub.book = hub.book.flipped(
-        [to("robot", Kind.SUBSCRIBER, "/a", "/rvzi"), to("robot", Kind.SUBSCRIBER, "/b", "/rviz")]
+    hub.book = hub.book.added(
+        "flip", [to("robot", Kind.SUBSCRIBER, "/a", "/rvzi"), to("robot", Kind.SUBSCRIBER, "/b", "/rviz")]
     )
     fleet_of(hub, robot)
     assert hub.states() == {"flip /a": State.ACTIVE, "flip /b": State.ACTIVE}
@@ -203,23 +203,23 @@ def test_a_topic_for_a_node_that_does_not_listen_reports_it_and_who_does() -> No
 def test_a_flip_for_one_node_names_the_subscribers_it_does_not_cover() -> None:
     hub = gateway("hub", subscriber("/tf", "/rviz"), subscriber("/tf", "/tf_echo"))
     robot = gateway("robot", publisher("/tf"))
-    hub.book = hub.book.flipped([to("robot", Kind.SUBSCRIBER, "/tf", "/rviz")])
+    hub.book = hub.book.added("flip", [to("robot", Kind.SUBSCRIBER, "/tf", "/rviz")])
     fleet_of(hub, robot)
     assert hub.reason("/tf").startswith("only for /rviz; here it is also subscribed by /tf_echo, not covered by a rule")
-    hub.book = hub.book.flipped([to("robot", Kind.SUBSCRIBER, "/tf", "")])
+    hub.book = hub.book.added("flip", [to("robot", Kind.SUBSCRIBER, "/tf", "")])
     fleet_of(hub, robot)
     assert hub.reason("/tf") == ""
 
 
 def test_rules_wait_for_a_hub() -> None:
-    book = RuleBook("hub").flipped([to("robot", Kind.PUBLISHER, "/a")])
+    book = RuleBook("hub").added("flip", [to("robot", Kind.PUBLISHER, "/a")])
     (state,) = reconcile(Situation(book, False, frozenset(), connected=False)).states
     assert (state.verdict.state, state.verdict.reason) == (State.PENDING, "waiting for a hub")
 
 
 def test_one_rule_may_mean_several_gateways() -> None:
     hub, one, two = (gateway("hub"), gateway("aadi1_gateway", publisher("/a")), gateway("aadi2_gateway"))
-    hub.book = hub.book.flipped([to("aadi._gateway", Kind.SUBSCRIBER, "/a")])
+    hub.book = hub.book.added("flip", [to("aadi._gateway", Kind.SUBSCRIBER, "/a")])
     Fleet(hub, one, two).settle()
     assert hub.imported() == {("/a", "aadi1_gateway", "/talker")}
     assert hub.states() == {"flip /a": State.ACTIVE}
@@ -228,7 +228,7 @@ def test_one_rule_may_mean_several_gateways() -> None:
 def test_three_that_flip_everything_in_a_ring_carry_each_publisher_once() -> None:
     ring = [gateway(name, publisher("/tf", f"/from_{name}")) for name in ("a", "b", "c")]
     for this, after in zip(ring, ring[1:] + ring[:1], strict=True):
-        this.book = this.book.flipping_all(after.name, [])
+        this.book = this.book.with_all("flip", after.name, [])
     Fleet(*ring).settle()
     for this, before in zip(ring, ring[-1:] + ring[:-1], strict=True):
         assert this.imported() == {("/tf", before.name, f"/from_{before.name}")}
@@ -237,7 +237,7 @@ def test_three_that_flip_everything_in_a_ring_carry_each_publisher_once() -> Non
 def test_two_that_advertise_and_pull_everything_carry_each_publisher_once() -> None:
     left, right = gateway("left", publisher("/a", "/left_node")), gateway("right", publisher("/a", "/right_node"))
     for one, other in ((left, right), (right, left)):
-        one.book = one.book.advertising_all([]).pulling_all(other.name, [])
+        one.book = one.book.advertising_all([]).with_all("pull", other.name, [])
     fleet_of(left, right)
     assert left.imported() == {("/a", "right", "/right_node")}
     assert right.imported() == {("/a", "left", "/left_node")}
@@ -247,10 +247,10 @@ def test_two_that_advertise_and_pull_everything_carry_each_publisher_once() -> N
 def test_a_cancelled_rule_takes_everything_back() -> None:
     hub, robot = gateway("hub", publisher("/a")), gateway("robot")
     empty, rules = robot.book, [to("hub", Kind.SUBSCRIBER, "/a")]
-    robot.book = empty.flipped(rules)
+    robot.book = empty.added("flip", rules)
     fleet = fleet_of(hub, robot)
     assert robot.outcome.imports
-    robot.book = robot.book.unflipped(rules)
+    robot.book = robot.book.removed("flip", rules)
     fleet.settle()
     assert robot.book == empty
     for one in (hub, robot):
@@ -259,7 +259,7 @@ def test_a_cancelled_rule_takes_everything_back() -> None:
 
 def test_a_broken_link_is_the_rules_state() -> None:
     hub, robot = gateway("hub", publisher("/a")), gateway("robot")
-    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/a")])
+    robot.book = robot.book.added("flip", [to("hub", Kind.SUBSCRIBER, "/a")])
     fleet = fleet_of(hub, robot)
     robot.links = {
         one: dataclasses.replace(link, state=LinkState.UNREACHABLE, reason="no route")
@@ -271,7 +271,7 @@ def test_a_broken_link_is_the_rules_state() -> None:
 
 def test_what_was_not_wanted_is_not_imported_though_offered() -> None:
     hub, robot = gateway("hub", publisher("/a")), gateway("robot")
-    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/a")])
+    robot.book = robot.book.added("flip", [to("hub", Kind.SUBSCRIBER, "/a")])
     fleet = fleet_of(hub, robot)
     robot.book = RuleBook("robot")
     assert reconcile(fleet.situation(robot)).imports == frozenset()
@@ -279,7 +279,7 @@ def test_what_was_not_wanted_is_not_imported_though_offered() -> None:
 
 def test_a_proxy_never_takes_the_name_of_a_node_that_is_here() -> None:
     hub, robot = gateway("hub", publisher("/a", "/amcl")), gateway("robot", subscriber("/a", "/hub/amcl"))
-    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/a")])
+    robot.book = robot.book.added("flip", [to("hub", Kind.SUBSCRIBER, "/a")])
     fleet_of(hub, robot)
     assert robot.imported() == set()
     assert robot.states() == {"flip /a": State.REFUSED}
@@ -288,7 +288,7 @@ def test_a_proxy_never_takes_the_name_of_a_node_that_is_here() -> None:
 
 def test_two_gateways_whose_names_look_alike_to_ros_do_not_share_a_proxy() -> None:
     robot, one, two = gateway("robot"), gateway("a b", publisher("/t")), gateway("a_b", publisher("/t"))
-    robot.book = robot.book.flipped([to("a.b", Kind.SUBSCRIBER, "/t")])
+    robot.book = robot.book.added("flip", [to("a.b", Kind.SUBSCRIBER, "/t")])
     Fleet(robot, one, two).settle()
     assert len(robot.outcome.imports) == 1
 
@@ -298,8 +298,8 @@ def test_options_go_to_the_links_that_they_mean_at_either_end() -> None:
     robot = gateway("robot", subscriber("/image"))
     hub.options = (option_rule({"name": "/map", "gateway": "robot", "compress": True}),)
     robot.options = (option_rule({"name": "/image", "node": "/talker", "rate": 2}),)
-    hub.book = hub.book.flipped([to("robot", Kind.PUBLISHER, "/map")])
-    robot.book = robot.book.flipped([to("hub", Kind.SUBSCRIBER, "/image")])
+    hub.book = hub.book.added("flip", [to("robot", Kind.PUBLISHER, "/map")])
+    robot.book = robot.book.added("flip", [to("hub", Kind.SUBSCRIBER, "/image")])
     fleet_of(hub, robot)
     assert {one.topic: one.options for one in hub.outcome.exports} == {
         "/map": LinkOptions(compress=True),
@@ -320,10 +320,10 @@ def test_a_pattern_pulls_nothing_out_of_another_robots_namespace() -> None:
     hub, robot = hub_of_three_robots(), gateway("aadi1")
     hub.book = hub.book.advertising_all([])
     robot.namespace = "pioneer1"
-    robot.book = robot.book.pulling_all("hub", [])
+    robot.book = robot.book.with_all("pull", "hub", [])
     fleet_of(hub, robot)
     assert {topic for topic, _, _ in robot.imported()} == {"/pioneer1/odom", "/map"}
-    robot.book = robot.book.pulling_nothing("hub").pulled([to("hub", Kind.PUBLISHER, "/pioneer2/.*")])
+    robot.book = robot.book.without("pull", "hub").added("pull", [to("hub", Kind.PUBLISHER, "/pioneer2/.*")])
     fleet_of(hub, robot)
     assert {topic for topic, _, _ in robot.imported()} == {"/pioneer2/odom"}
 
@@ -331,12 +331,14 @@ def test_a_pattern_pulls_nothing_out_of_another_robots_namespace() -> None:
 def test_a_pattern_flips_nothing_of_another_robots_namespace_and_reports_it() -> None:
     hub, robot = hub_of_three_robots(), gateway("aadi1")
     robot.namespace = "pioneer1"
-    hub.book = hub.book.flipped([to("aadi1", Kind.PUBLISHER, ".*[2]/odom"), to("aadi1", Kind.PUBLISHER, ".*1/odom")])
+    hub.book = hub.book.added(
+        "flip", [to("aadi1", Kind.PUBLISHER, ".*[2]/odom"), to("aadi1", Kind.PUBLISHER, ".*1/odom")]
+    )
     fleet_of(hub, robot)
     assert {topic for topic, _, _ in robot.imported()} == {"/pioneer1/odom"}
     assert hub.states() == {"flip .*[2]/odom": "refused", "flip .*1/odom": "active"}
     assert "/pioneer2" in hub.reason(".*[2]/odom")
-    hub.book = hub.book.flipped([to("aadi1", Kind.PUBLISHER, "/pioneer2/odom")])
+    hub.book = hub.book.added("flip", [to("aadi1", Kind.PUBLISHER, "/pioneer2/odom")])
     fleet_of(hub, robot)
     assert hub.states()["flip /pioneer2/odom"] == "active"
 
@@ -344,11 +346,11 @@ def test_a_pattern_flips_nothing_of_another_robots_namespace_and_reports_it() ->
 def test_robots_of_any_name_are_kept_apart_once_their_gateways_are_known() -> None:
     hub = gateway("hub", *(publisher(f"/{name}/odom", "/gazebo") for name in ("alice", "bob", "map_server")))
     hub.book = hub.book.advertising_all([])
-    hub.book = hub.book.flipped([to("alice_gw", Kind.PUBLISHER, "/b.*/odom")])
+    hub.book = hub.book.added("flip", [to("alice_gw", Kind.PUBLISHER, "/b.*/odom")])
     alice, bob = gateway("alice_gw"), gateway("bob_gw")
     alice.namespace, bob.namespace = "alice", "bob"
-    alice.book = alice.book.pulled([to("hub", Kind.PUBLISHER, ".*/odom")])
-    bob.book = bob.book.pulled([to("hub", Kind.PUBLISHER, "/alice/.*")])
+    alice.book = alice.book.added("pull", [to("hub", Kind.PUBLISHER, ".*/odom")])
+    bob.book = bob.book.added("pull", [to("hub", Kind.PUBLISHER, "/alice/.*")])
     Fleet(hub, alice, bob).settle()
     assert {topic for topic, _, _ in alice.imported()} == {"/alice/odom", "/map_server/odom"}
     assert hub.states()["flip /b.*/odom"] == "refused"
@@ -364,7 +366,7 @@ def test_publishers_that_are_other_robots_nodes_are_left_out_by_an_option() -> N
     robot, other = gateway("aadi1"), gateway("bob_gateway")
     robot.namespace, other.namespace = "pioneer1", "bob"
     robot.options = (option_rule({"name": "/tf", "foreign_nodes": False, "compress": True}),)
-    robot.book = robot.book.pulled([to("hub", Kind.PUBLISHER, "tf"), to("hub", Kind.PUBLISHER, "joints")])
+    robot.book = robot.book.added("pull", [to("hub", Kind.PUBLISHER, "tf"), to("hub", Kind.PUBLISHER, "joints")])
     Fleet(hub, robot, other).settle()
     assert {node for topic, _, node in robot.imported() if topic == "/tf"} == {*nodes[:3]}
     assert {one.options.compress for one in robot.outcome.imports} == {True, False}
@@ -382,6 +384,6 @@ def test_publishers_that_are_other_robots_nodes_are_left_out_by_an_option() -> N
 def test_a_gateway_without_a_robots_namespace_gets_everything() -> None:
     hub, robot = hub_of_three_robots(), gateway("base2")
     hub.book = hub.book.advertising_all([])
-    robot.book = robot.book.pulling_all("hub", [])
+    robot.book = robot.book.with_all("pull", "hub", [])
     fleet_of(hub, robot)
     assert len(robot.imported()) == 4

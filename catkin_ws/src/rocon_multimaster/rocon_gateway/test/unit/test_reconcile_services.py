@@ -22,7 +22,7 @@ CLIENT = Connection(Kind.ACTION_CLIENT, "/fib", FIBONACCI, "/fib_client")
 
 def test_a_flipped_service_is_served_at_the_other_gateway() -> None:
     hub, robot = gateway("hub", service("/add")), gateway("robot")
-    hub.book = hub.book.flipped([to("robot", Kind.SERVICE, "add")])
+    hub.book = hub.book.added("flip", [to("robot", Kind.SERVICE, "add")])
     fleet_of(hub, robot)
     assert robot.imported() == {("/add", "hub", "/server")}
     assert hub.states() == {"flip add": State.ACTIVE}
@@ -33,7 +33,7 @@ def test_a_flipped_service_is_served_at_the_other_gateway() -> None:
 def test_an_advertised_service_is_pulled() -> None:
     hub, robot = gateway("hub", service("/add"), service("/secret")), gateway("robot")
     hub.book = hub.book.advertised([Rule(Kind.SERVICE, "/add")])
-    robot.book = robot.book.pulled([to("hub", Kind.SERVICE, ALL), to("hub", Kind.SERVICE, "/secret")])
+    robot.book = robot.book.added("pull", [to("hub", Kind.SERVICE, ALL), to("hub", Kind.SERVICE, "/secret")])
     fleet_of(hub, robot)
     assert robot.imported() == {("/add", "hub", "/server")}
     assert robot.states() == {"pull .*": State.ACTIVE, "pull /secret": State.NO_SERVICE}
@@ -41,14 +41,14 @@ def test_an_advertised_service_is_pulled() -> None:
 
 def test_a_firewall_refuses_a_flipped_service() -> None:
     hub, robot = gateway("hub", service("/add")), gateway("robot", firewall=True)
-    hub.book = hub.book.flipped([to("robot", Kind.SERVICE, "/add")])
+    hub.book = hub.book.added("flip", [to("robot", Kind.SERVICE, "/add")])
     fleet_of(hub, robot)
     assert (robot.imported(), hub.states()) == (set(), {"flip /add": State.FIREWALLED})
 
 
 def test_a_local_server_keeps_its_name_and_the_rule_is_refused_not_accepted() -> None:
     hub, robot = gateway("hub", service("/add")), gateway("robot", service("/add", "/mine"))
-    hub.book = hub.book.flipped([to("robot", Kind.SERVICE, "/add")])
+    hub.book = hub.book.added("flip", [to("robot", Kind.SERVICE, "/add")])
     fleet = fleet_of(hub, robot)
     assert robot.imported() == set()
     assert hub.states() == {"flip /add": State.REFUSED}
@@ -61,7 +61,7 @@ def test_a_local_server_keeps_its_name_and_the_rule_is_refused_not_accepted() ->
 
 def test_of_two_remote_servers_of_one_name_the_running_one_stays_until_it_goes() -> None:
     robot, late, early = gateway("robot"), gateway("a"), gateway("b", service("/add"))
-    robot.book = RuleBook("robot").pulled([to("[ab]", Kind.SERVICE, "/add")])
+    robot.book = RuleBook("robot").added("pull", [to("[ab]", Kind.SERVICE, "/add")])
     for one in (late, early):
         one.book = one.book.advertised([Rule(Kind.SERVICE, "/add")])
     fleet = Fleet(robot, late, early).settle()
@@ -76,7 +76,7 @@ def test_of_two_remote_servers_of_one_name_the_running_one_stays_until_it_goes()
 
 def test_a_name_may_be_a_topics_and_a_services() -> None:
     hub, robot = gateway("hub", publisher("/map", "/server"), service("/map")), gateway("robot")
-    hub.book = hub.book.flipping_all("robot", [])
+    hub.book = hub.book.with_all("flip", "robot", [])
     fleet_of(hub, robot)
     assert len(robot.outcome.imports) == len(hub.outcome.exports) == 2
 
@@ -92,8 +92,8 @@ def test_five_topics_of_one_node_are_an_action() -> None:
 
 def test_everything_lists_an_action_once_and_its_topics_not() -> None:
     hub, robot = gateway("hub", *parts(SERVER), publisher("/chatter")), gateway("robot", *parts(CLIENT))
-    hub.book = hub.book.advertising_all([]).flipping_all("robot", [])
-    robot.book = robot.book.pulling_all("hub", [])
+    hub.book = hub.book.advertising_all([]).with_all("flip", "robot", [])
+    robot.book = robot.book.with_all("pull", "hub", [])
     fleet_of(hub, robot)
     assert set(hub.outcome.advertised) == {SERVER, publisher("/chatter")}
     assert {one.connection for one in hub.outcome.flipped} == {SERVER, publisher("/chatter")}
@@ -102,27 +102,27 @@ def test_everything_lists_an_action_once_and_its_topics_not() -> None:
 
 def flip_server(server: FakeGateway, client: FakeGateway) -> RemoteRule:
     rule = to(client.name, Kind.ACTION_SERVER, "/fib")
-    server.book = server.book.flipped([rule])
+    server.book = server.book.added("flip", [rule])
     return rule
 
 
 def flip_client(server: FakeGateway, client: FakeGateway) -> RemoteRule:
     rule = to(server.name, Kind.ACTION_CLIENT, "/fib")
-    client.book = client.book.flipped([rule])
+    client.book = client.book.added("flip", [rule])
     return rule
 
 
 def pull_server(server: FakeGateway, client: FakeGateway) -> RemoteRule:
     server.book = server.book.advertised([Rule(Kind.ACTION_SERVER, "/fib")])
     rule = to(server.name, Kind.ACTION_SERVER, "/fib")
-    client.book = client.book.pulled([rule])
+    client.book = client.book.added("pull", [rule])
     return rule
 
 
 def pull_client(server: FakeGateway, client: FakeGateway) -> RemoteRule:
     client.book = client.book.advertised([Rule(Kind.ACTION_CLIENT, "/fib")])
     rule = to(client.name, Kind.ACTION_CLIENT, "/fib")
-    server.book = server.book.pulled([rule])
+    server.book = server.book.added("pull", [rule])
     return rule
 
 
@@ -164,7 +164,7 @@ def test_an_action_is_as_good_as_the_worst_of_its_topics() -> None:
 def test_an_action_with_a_blacklisted_topic_stays_here_whole() -> None:
     hub = FakeGateway(RuleBook("hub", (Rule(Kind.PUBLISHER, "/fib/res.*"),)), set(parts(SERVER)))
     robot = gateway("robot")
-    hub.book = hub.book.flipped([to("robot", Kind.ACTION_SERVER, "/f.*")])
+    hub.book = hub.book.added("flip", [to("robot", Kind.ACTION_SERVER, "/f.*")])
     fleet_of(hub, robot)
     assert (robot.imported(), hub.states()) == (set(), {"flip /f.*": "blacklisted by publisher /fib/res.*"})
 
@@ -172,10 +172,12 @@ def test_an_action_with_a_blacklisted_topic_stays_here_whole() -> None:
 def test_an_advertised_parameter_is_copied_where_it_is_pulled_and_all_never_means_it() -> None:
     hub, robot = gateway("hub"), gateway("robot")
     hub.book = hub.book.advertising_all([]).advertised([Rule(Kind.PARAMETER, "robot_description")])
-    robot.book = robot.book.pulling_all("hub", [])
+    robot.book = robot.book.with_all("pull", "hub", [])
     fleet = fleet_of(hub, robot)
     assert robot.imported() == set()
-    robot.book = robot.book.pulled([to("hub", Kind.PARAMETER, "/robot_description"), to("hub", Kind.PARAMETER, "/x")])
+    robot.book = robot.book.added(
+        "pull", [to("hub", Kind.PARAMETER, "/robot_description"), to("hub", Kind.PARAMETER, "/x")]
+    )
     fleet.settle()
     assert robot.imported() == {("/robot_description", "hub", "")}
     assert robot.states()["pull /robot_description"] == State.ACTIVE
@@ -185,9 +187,9 @@ def test_an_advertised_parameter_is_copied_where_it_is_pulled_and_all_never_mean
 def test_a_parameter_is_pulled_by_its_plain_name_and_never_flipped() -> None:
     for name, node in (("/a.*", ""), ("/a", "/node")):
         with pytest.raises(RequestError):
-            RuleBook("hub").pulled([to("robot", Kind.PARAMETER, name, node)])
+            RuleBook("hub").added("pull", [to("robot", Kind.PARAMETER, name, node)])
         with pytest.raises(RequestError) as refused:
             RuleBook("hub").advertised([Rule(Kind.PARAMETER, name, node)])
         assert refused.value.code == Code.UNKNOWN_ADVERTISEMENT_ERROR
     with pytest.raises(RequestError, match="pulled, not flipped"):
-        RuleBook("hub").flipped([to("robot", Kind.PARAMETER, "/a")])
+        RuleBook("hub").added("flip", [to("robot", Kind.PARAMETER, "/a")])

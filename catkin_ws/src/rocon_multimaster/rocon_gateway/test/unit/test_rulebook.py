@@ -48,18 +48,22 @@ def test_advertising_all_replaces_and_ending_it_clears() -> None:
 
 
 def test_a_flip_or_pull_that_exists_is_refused() -> None:
-    assert refusal(EMPTY.flipped([remote(A)]).flipped, [remote(B), remote(A)]) == Code.FLIP_RULE_ALREADY_EXISTS
-    assert refusal(EMPTY.pulled([remote(A)]).pulled, [remote(B), remote(A)]) == Code.PULL_RULE_ALREADY_EXISTS
+    assert (
+        refusal(EMPTY.added("flip", [remote(A)]).added, "flip", [remote(B), remote(A)]) == Code.FLIP_RULE_ALREADY_EXISTS
+    )
+    assert (
+        refusal(EMPTY.added("pull", [remote(A)]).added, "pull", [remote(B), remote(A)]) == Code.PULL_RULE_ALREADY_EXISTS
+    )
 
 
 @pytest.mark.parametrize("name", ["mine", "mine" + "0" * 32])
 def test_a_flip_or_pull_with_ourselves_is_refused(name: str) -> None:
     book = RuleBook(name)
     for target in {name, "mine"}:
-        assert refusal(book.flipped, [remote(A, target)]) == Code.REMOTE_GATEWAY_SELF_IS_NOT
-        assert refusal(book.pulled, [remote(A, target)]) == Code.REMOTE_GATEWAY_SELF_IS_NOT
-        assert refusal(book.flipping_all, target, []) == Code.REMOTE_GATEWAY_SELF_IS_NOT
-        assert refusal(book.pulling_all, target, []) == Code.REMOTE_GATEWAY_SELF_IS_NOT
+        assert refusal(book.added, "flip", [remote(A, target)]) == Code.REMOTE_GATEWAY_SELF_IS_NOT
+        assert refusal(book.added, "pull", [remote(A, target)]) == Code.REMOTE_GATEWAY_SELF_IS_NOT
+        assert refusal(book.with_all, "flip", target, []) == Code.REMOTE_GATEWAY_SELF_IS_NOT
+        assert refusal(book.with_all, "pull", target, []) == Code.REMOTE_GATEWAY_SELF_IS_NOT
 
 
 @pytest.mark.parametrize("name", ["", " ", "ro\nbot", "robot\0", "robot("])
@@ -70,42 +74,42 @@ def test_a_text_that_no_gateway_can_be_called_is_refused_in_one_line(name: str) 
 
 
 def test_cancelling_takes_the_rule_of_that_gateway_only_and_nothing_is_no_error() -> None:
-    book = EMPTY.flipped([remote(A), remote(A, "third"), remote(B)])
-    assert book.unflipped([remote(A)]).flips.rules == (remote(A, "third"), remote(B))
-    assert book.unflipped([remote(C)]) == book
+    book = EMPTY.added("flip", [remote(A), remote(A, "third"), remote(B)])
+    assert book.removed("flip", [remote(A)]).flips.rules == (remote(A, "third"), remote(B))
+    assert book.removed("flip", [remote(C)]) == book
 
 
 def test_a_cancel_without_a_node_takes_every_node() -> None:
     of_x = Rule(Kind.SUBSCRIBER, "/a", "/x")
-    book = EMPTY.pulled([remote(of_x)])
-    assert book.unpulled([remote(Rule(Kind.SUBSCRIBER, "/a"))]).pulls.rules == ()
-    assert book.unpulled([remote(Rule(Kind.SUBSCRIBER, "/a", "/y"))]) == book
+    book = EMPTY.added("pull", [remote(of_x)])
+    assert book.removed("pull", [remote(Rule(Kind.SUBSCRIBER, "/a"))]).pulls.rules == ()
+    assert book.removed("pull", [remote(Rule(Kind.SUBSCRIBER, "/a", "/y"))]) == book
 
 
 def test_flipping_all_replaces_that_gateways_flips_and_its_blacklist_ends_with_it() -> None:
-    book = EMPTY.flipped([remote(A), remote(B, "third")]).flipping_all("other", [C])
+    book = EMPTY.added("flip", [remote(A), remote(B, "third")]).with_all("flip", "other", [C])
     assert remote(A) not in book.flips.rules
     assert remote(B, "third") in book.flips.rules
     everything = remote(Rule(Kind.PUBLISHER, ALL))
     assert book.flips.excluded(everything) == (C,)
     assert book.flips.excluded(remote(A)) == ()
     assert book.blacklist == ()
-    assert refusal(book.flipping_all, "other", []) == Code.FLIP_RULE_ALREADY_EXISTS
-    ended = book.flipping_nothing("other")
+    assert refusal(book.with_all, "flip", "other", []) == Code.FLIP_RULE_ALREADY_EXISTS
+    ended = book.without("flip", "other")
     assert ended.flips.rules == (remote(B, "third"),)
     assert ended.flips.excluded(everything) == ()
 
 
 def test_pulling_all_twice_answers_the_code_of_flips() -> None:
-    assert refusal(EMPTY.pulling_all("other", []).pulling_all, "other", []) == Code.FLIP_RULE_ALREADY_EXISTS
+    assert refusal(EMPTY.with_all("pull", "other", []).with_all, "pull", "other", []) == Code.FLIP_RULE_ALREADY_EXISTS
 
 
 def test_a_plain_name_on_the_blacklist_is_refused_with_the_rule() -> None:
     book = RuleBook("mine", (Rule(Kind.PUBLISHER, "/rosout.*"),))
     barred = Rule(Kind.PUBLISHER, "/rosout")
     with pytest.raises(RequestError, match=r"blacklisted by publisher /rosout\.\*"):
-        book.flipped([remote(A), remote(barred)])
+        book.added("flip", [remote(A), remote(barred)])
     assert refusal(book.advertised, [barred]) == Code.UNKNOWN_ADVERTISEMENT_ERROR
-    assert refusal(book.flipped, [remote(Rule(Kind.PUBLISHER, "rosout"))]) == Code.HUB_UNKNOWN_ERROR
-    assert book.flipped([remote(Rule(Kind.SUBSCRIBER, "/rosout"))]).flips.rules
-    assert book.flipped([remote(Rule(Kind.PUBLISHER, ALL))]).flips.rules
+    assert refusal(book.added, "flip", [remote(Rule(Kind.PUBLISHER, "rosout"))]) == Code.HUB_UNKNOWN_ERROR
+    assert book.added("flip", [remote(Rule(Kind.SUBSCRIBER, "/rosout"))]).flips.rules
+    assert book.added("flip", [remote(Rule(Kind.PUBLISHER, ALL))]).flips.rules

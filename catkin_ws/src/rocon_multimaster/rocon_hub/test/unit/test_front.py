@@ -1,19 +1,19 @@
 """The hub's port when a password is set."""
 
+import asyncio
 import contextlib
 import logging
 import os
 import resource
 import socket
 import ssl
-import threading
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
 from pioneer_harness.port import PortReservation
+from pioneer_harness.wait import wait_until
 from rocon_hub.adapters import front
 from rocon_hub.adapters.front import HANDSHAKE_TIME, Front
 from rocon_hub_protocol.core.admission import GatewaySide
@@ -64,19 +64,18 @@ def test_gateways_that_come_all_at_once_are_admitted_at_their_first_attempt(tmp_
 
 def test_clients_that_leave_while_they_wait_do_not_pile_up() -> None:
     """Each client that connected, began and left once cost a turn, so with many the queue grew without bound."""
-    left, known = list[int](), threading.Event()
-    with listening() as (port, made), socket.create_connection(("127.0.0.1", port), PATIENCE) as first:
-        first.sendall(GatewaySide("open sesame").first)
-        assert line(first)
-
-        def crowd() -> None:
-            for _ in range(100):
-                made.wait(SimpleNamespace(has_left=True, begin=lambda: None))  # type: ignore[arg-type]
-            made._loop.call_soon(lambda: (left.append(len(made._waiting)), known.set()))
-
-        made._loop.call_soon_threadsafe(crowd)
-        assert known.wait(PATIENCE)
-    assert left == [0]
+    with listening() as (port, made):
+        asyncio.run_coroutine_threadsafe(made._turn.acquire(), made._loop).result(PATIENCE)
+        for _ in range(100):
+            with socket.create_connection(("127.0.0.1", port), PATIENCE) as one:
+                one.sendall(GatewaySide("open sesame").first)
+        with socket.create_connection(("127.0.0.1", port), PATIENCE) as last:
+            last.sendall(GatewaySide("open sesame").first)
+            wait_until(
+                lambda: len(asyncio.all_tasks(made._loop)) == len(made._sockets) + 2, "the others' end", PATIENCE
+            )
+            made._loop.call_soon_threadsafe(made._turn.release)
+            assert line(last)
 
 
 @pytest.mark.parametrize("context", [None, ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)], ids=["plain", "tls"])

@@ -3,6 +3,7 @@
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from rocon_gateway.core.error import ConfigError, GatewayError
@@ -155,8 +156,8 @@ def book_from_config(config: GatewayConfig, name: str) -> tuple[RuleBook, tuple[
         book = book.advertising_all(())
     changes: tuple[tuple[str, Any, Callable[[RuleBook, object], RuleBook]], ...] = (
         ("default_advertisements", config.default_advertisements, lambda book, row: book.advertised([_rule(row)])),
-        ("default_flips", config.default_flips, _flipped),
-        ("default_pulls", config.default_pulls, _pulled),
+        ("default_flips", config.default_flips, partial(_with_remote, "flip")),
+        ("default_pulls", config.default_pulls, partial(_with_remote, "pull")),
     )
     for parameter, rows, change in changes:
         for row in _rows(rows):
@@ -167,23 +168,15 @@ def book_from_config(config: GatewayConfig, name: str) -> tuple[RuleBook, tuple[
     return book, tuple(complaints)
 
 
-def _flipped(book: RuleBook, row: object) -> RuleBook:
-    remote = _remote(row)
-    return book.flipping_all(remote, ()) if isinstance(remote, str) else book.flipped([remote])
-
-
-def _pulled(book: RuleBook, row: object) -> RuleBook:
-    remote = _remote(row)
-    return book.pulling_all(remote, ()) if isinstance(remote, str) else book.pulled([remote])
-
-
-def _remote(row: object) -> RemoteRule | str:
-    """Returns the rule of a row, or only the gateway if the row has no rule."""
+def _with_remote(action: str, book: RuleBook, row: object) -> RuleBook:
+    """Adds the flip or pull of a row; a row without rule flips or pulls everything."""
     if not isinstance(row, Mapping) or not isinstance(row.get("gateway"), str):
         raise ConfigError(f"{row!r} names no gateway")
     gateway: str = row["gateway"]
     check_gateway(gateway, Code.HUB_UNKNOWN_ERROR)
-    return RemoteRule(gateway, _rule(row["rule"])) if row.get("rule") else gateway
+    if not row.get("rule"):
+        return book.with_all(action, gateway, ())
+    return book.added(action, [RemoteRule(gateway, _rule(row["rule"]))])
 
 
 def _rule(row: object) -> Rule:

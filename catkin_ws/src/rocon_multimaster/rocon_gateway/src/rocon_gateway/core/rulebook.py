@@ -1,13 +1,14 @@
 """All rules of a gateway as one immutable value. Every change returns a new value or raises, so requests are atomic."""
 
-import dataclasses
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from rocon_gateway.core.error import RequestError
 from rocon_gateway.core.matching import ALL, absolute_name, base_name, blacklisting, check_pattern, is_literal
 from rocon_hub_protocol.core.code import Code
 from rocon_hub_protocol.core.rule import CONNECTIONS, Connection, Kind, RemoteRule, Rule
+
+_EXISTS = {"flip": Code.FLIP_RULE_ALREADY_EXISTS, "pull": Code.PULL_RULE_ALREADY_EXISTS}
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class RuleBook:
             _check_parameter(rule, Code.UNKNOWN_ADVERTISEMENT_ERROR)
             self._refuse_blacklisted(rule, Code.UNKNOWN_ADVERTISEMENT_ERROR)
             known.append(rule)
-        return self._with_advertisements(dataclasses.replace(self.advertisements, rules=tuple(known)))
+        return replace(self, advertisements=replace(self.advertisements, rules=tuple(known)))
 
     def unadvertised(self, rules: Iterable[Rule]) -> "RuleBook":
         """Removes advertisements; one without node removes all of its kind and name. Raises RequestError 32 if none."""
@@ -65,79 +66,86 @@ class RuleBook:
             if not found:
                 raise RequestError(Code.ADVERTISEMENT_NOT_FOUND, f"there is no such advertisement: {rule}")
             known = [one for one in known if one not in found]
-        return self._with_advertisements(dataclasses.replace(self.advertisements, rules=tuple(known)))
+        return replace(self, advertisements=replace(self.advertisements, rules=tuple(known)))
 
     def advertising_all(self, blacklist: Iterable[Rule]) -> "RuleBook":
         """Turns advertise-all mode on, replacing all advertisements. Raises RequestError 31 if it is on already."""
         if self.advertisements.everything:
             raise RequestError(Code.ADVERTISEMENT_EXISTS, "everything is advertised already")
         rules = tuple(Rule(kind, ALL) for kind in CONNECTIONS)
-        return self._with_advertisements(Advertisements(rules, True, _unique(blacklist)))
+        return replace(self, advertisements=Advertisements(rules, True, _unique(blacklist)))
 
     def advertising_nothing(self) -> "RuleBook":
         """Turns advertise-all mode off and removes all advertisements."""
-        return self._with_advertisements(Advertisements())
+        return replace(self, advertisements=Advertisements())
 
-    def flipped(self, remotes: Iterable[RemoteRule]) -> "RuleBook":
-        """Adds flips.
+    def added(self, action: str, remotes: Iterable[RemoteRule]) -> "RuleBook":
+        """Adds flips or pulls; `action` is "flip" or "pull", as in all methods below.
 
         Raises:
-            RequestError: 22 for an existing rule, 52 for our own gateway, 19 for a blacklisted rule or a parameter.
+            RequestError: 22 for an existing flip, 41 for an existing pull, 52 for our own gateway, 19 for a blacklisted
+                flip, the flip of a parameter, or the pull of one given by a pattern.
         """
         remotes = tuple(remotes)
+        for rule in (remote.rule for remote in remotes):
+            if action == "pull":
+                _check_parameter(rule, Code.HUB_UNKNOWN_ERROR)
+                continue
+            if rule.kind == Kind.PARAMETER:
+                raise RequestError(Code.HUB_UNKNOWN_ERROR, f"a parameter is pulled, not flipped: {rule.name}")
+            self._refuse_blacklisted(rule, Code.HUB_UNKNOWN_ERROR)
+        targets = self.targets(action)
+        known = list(targets.rules)
         for remote in remotes:
-            if remote.rule.kind == Kind.PARAMETER:
-                raise RequestError(Code.HUB_UNKNOWN_ERROR, f"a parameter is pulled, not flipped: {remote.rule.name}")
-            self._refuse_blacklisted(remote.rule, Code.HUB_UNKNOWN_ERROR)
-        added = self._added(self.flips, remotes, Code.FLIP_RULE_ALREADY_EXISTS, "flip")
-        return dataclasses.replace(self, flips=added)
+            self._refuse_self(remote.gateway)
+            if remote in known:
+                raise RequestError(_EXISTS[action], f"this {action} rule exists already: {remote}")
+            known.append(remote)
+        return self._with_targets(action, Targets(tuple(known), targets.everything))
 
-    def unflipped(self, remotes: Iterable[RemoteRule]) -> "RuleBook":
-        """Removes flips; ignores unknown rules."""
-        return dataclasses.replace(self, flips=_removed(self.flips, remotes))
+    def removed(self, action: str, remotes: Iterable[RemoteRule]) -> "RuleBook":
+        """Removes flips or pulls; one without node removes all of its kind and name. Ignores unknown rules."""
+        asked = tuple(remotes)
+        targets = self.targets(action)
+        kept = tuple(
+            one
+            for one in targets.rules
+            if not any(remote.gateway == one.gateway and _means(remote.rule, one.rule) for remote in asked)
+        )
+        return self._with_targets(action, Targets(kept, targets.everything))
 
-    def flipping_all(self, gateway: str, blacklist: Iterable[Rule]) -> "RuleBook":
-        """Replaces all flips to `gateway` by `.*` rules.
-
-        Raises:
-            RequestError: 22 if everything is flipped there already, 52 for our own gateway.
-        """
-        return dataclasses.replace(self, flips=self._all(self.flips, gateway, blacklist, "flipped to"))
-
-    def flipping_nothing(self, gateway: str) -> "RuleBook":
-        """Removes all flips to `gateway`."""
-        return dataclasses.replace(self, flips=_none(self.flips, gateway))
-
-    def pulled(self, remotes: Iterable[RemoteRule]) -> "RuleBook":
-        """Adds pulls.
+    def with_all(self, action: str, gateway: str, blacklist: Iterable[Rule]) -> "RuleBook":
+        """Replaces all flips to, or pulls from, `gateway` by `.*` rules.
 
         Raises:
-            RequestError: 41 for an existing rule, 52 for our own gateway, 19 for a parameter given by a pattern.
+            RequestError: 22 (for pulls too) if that was done already, 52 for our own gateway.
         """
-        remotes = tuple(remotes)
-        for remote in remotes:
-            _check_parameter(remote.rule, Code.HUB_UNKNOWN_ERROR)
-        added = self._added(self.pulls, remotes, Code.PULL_RULE_ALREADY_EXISTS, "pull")
-        return dataclasses.replace(self, pulls=added)
+        self._refuse_self(gateway)
+        if gateway in dict(self.targets(action).everything):
+            what = "flipped to" if action == "flip" else "pulled from"
+            raise RequestError(Code.FLIP_RULE_ALREADY_EXISTS, f"everything is {what} '{gateway}' already")
+        emptied = self.without(action, gateway).targets(action)
+        added = Targets(
+            (*emptied.rules, *(RemoteRule(gateway, Rule(kind, ALL)) for kind in CONNECTIONS)),
+            (*emptied.everything, (gateway, _unique(blacklist))),
+        )
+        return self._with_targets(action, added)
 
-    def unpulled(self, remotes: Iterable[RemoteRule]) -> "RuleBook":
-        """Removes pulls; ignores unknown rules."""
-        return dataclasses.replace(self, pulls=_removed(self.pulls, remotes))
+    def without(self, action: str, gateway: str) -> "RuleBook":
+        """Removes all flips to, or pulls from, `gateway`."""
+        targets = self.targets(action)
+        kept = Targets(
+            tuple(one for one in targets.rules if one.gateway != gateway),
+            tuple(one for one in targets.everything if one[0] != gateway),
+        )
+        return self._with_targets(action, kept)
 
-    def pulling_all(self, gateway: str, blacklist: Iterable[Rule]) -> "RuleBook":
-        """Replaces all pulls from `gateway` by `.*` rules.
+    def targets(self, action: str) -> Targets:
+        """Returns the flips or the pulls."""
+        return self.flips if action == "flip" else self.pulls
 
-        Raises:
-            RequestError: 22 (sic) if everything is pulled from there already, 52 for our own gateway.
-        """
-        return dataclasses.replace(self, pulls=self._all(self.pulls, gateway, blacklist, "pulled from"))
-
-    def pulling_nothing(self, gateway: str) -> "RuleBook":
-        """Removes all pulls from `gateway`."""
-        return dataclasses.replace(self, pulls=_none(self.pulls, gateway))
-
-    def _with_advertisements(self, advertisements: Advertisements) -> "RuleBook":
-        return dataclasses.replace(self, advertisements=advertisements)
+    def _with_targets(self, action: str, targets: Targets) -> "RuleBook":
+        return replace(self, flips=targets) if action == "flip" else replace(self, pulls=targets)
 
     def _refuse_self(self, gateway: str) -> None:
         if gateway in (self.name, base_name(self.name)):
@@ -151,25 +159,6 @@ class RuleBook:
         barrier = blacklisting(self.blacklist, Connection(rule.kind, absolute_name(rule.name), "*", node))
         if barrier:
             raise RequestError(code, f"{rule} is blacklisted by {barrier}")
-
-    def _added(self, targets: Targets, remotes: tuple[RemoteRule, ...], exists: Code, what: str) -> Targets:
-        known = list(targets.rules)
-        for remote in remotes:
-            self._refuse_self(remote.gateway)
-            if remote in known:
-                raise RequestError(exists, f"this {what} rule exists already: {remote}")
-            known.append(remote)
-        return dataclasses.replace(targets, rules=tuple(known))
-
-    def _all(self, targets: Targets, gateway: str, blacklist: Iterable[Rule], what: str) -> Targets:
-        self._refuse_self(gateway)
-        if gateway in dict(targets.everything):
-            raise RequestError(Code.FLIP_RULE_ALREADY_EXISTS, f"everything is {what} '{gateway}' already")
-        emptied = _none(targets, gateway)
-        return Targets(
-            (*emptied.rules, *(RemoteRule(gateway, Rule(kind, ALL)) for kind in CONNECTIONS)),
-            (*emptied.everything, (gateway, _unique(blacklist))),
-        )
 
 
 def check_gateway(gateway: str, code: Code) -> None:
@@ -189,23 +178,6 @@ def _check_parameter(rule: Rule, code: Code) -> None:
 
 def _means(asked: Rule, rule: Rule) -> bool:
     return asked == rule or (not asked.node and (asked.kind, asked.name) == (rule.kind, rule.name))
-
-
-def _removed(targets: Targets, remotes: Iterable[RemoteRule]) -> Targets:
-    asked = tuple(remotes)
-    kept = tuple(
-        one
-        for one in targets.rules
-        if not any(remote.gateway == one.gateway and _means(remote.rule, one.rule) for remote in asked)
-    )
-    return dataclasses.replace(targets, rules=kept)
-
-
-def _none(targets: Targets, gateway: str) -> Targets:
-    return Targets(
-        tuple(one for one in targets.rules if one.gateway != gateway),
-        tuple(one for one in targets.everything if one[0] != gateway),
-    )
 
 
 def _unique(rules: Iterable[Rule]) -> tuple[Rule, ...]:

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from functools import partial
 
 from gateway_msgs import srv
 
@@ -48,10 +49,10 @@ class ServiceHandlers:
         for name, kind, handler in (
             ("advertise", srv.Advertise, self._advertise),
             ("advertise_all", srv.AdvertiseAll, self._advertise_all),
-            ("flip", srv.Remote, self._flip),
-            ("flip_all", srv.RemoteAll, self._flip_all),
-            ("pull", srv.Remote, self._pull),
-            ("pull_all", srv.RemoteAll, self._pull_all),
+            ("flip", srv.Remote, partial(self._remote, "flip")),
+            ("flip_all", srv.RemoteAll, partial(self._remote_all, "flip")),
+            ("pull", srv.Remote, partial(self._remote, "pull")),
+            ("pull_all", srv.RemoteAll, partial(self._remote_all, "pull")),
             ("connect_hub", srv.ConnectHub, self._connect_hub),
             ("remote_gateway_info", srv.RemoteGatewayInfo, self._remote_gateway_info),
             ("set_watcher_period", srv.SetWatcherPeriod, self._set_watcher_period),
@@ -97,41 +98,23 @@ class ServiceHandlers:
         in_force = dict.fromkeys((*book.blacklist, *book.advertisements.blacklist))
         return srv.AdvertiseAllResponse(result, message, [conversions.message_from_rule(rule) for rule in in_force])
 
-    def _flip(self, request: srv.RemoteRequest) -> srv.RemoteResponse:
+    def _remote(self, action: str, request: srv.RemoteRequest) -> srv.RemoteResponse:
         def change(book: RuleBook) -> RuleBook:
-            remotes = conversions.remote_rules_from_messages(request.remotes, Code.HUB_UNKNOWN_ERROR)
-            return book.unflipped(remotes) if request.cancel else book.flipped(remotes)
-
-        return srv.RemoteResponse(*self._change(change))
-
-    def _pull(self, request: srv.RemoteRequest) -> srv.RemoteResponse:
-        def change(book: RuleBook) -> RuleBook:
-            if not request.cancel:
+            if action == "pull" and not request.cancel:
                 self._need_hub()
             remotes = conversions.remote_rules_from_messages(request.remotes, Code.HUB_UNKNOWN_ERROR)
-            return book.unpulled(remotes) if request.cancel else book.pulled(remotes)
+            return book.removed(action, remotes) if request.cancel else book.added(action, remotes)
 
         return srv.RemoteResponse(*self._change(change))
 
-    def _flip_all(self, request: srv.RemoteAllRequest) -> srv.RemoteAllResponse:
-        return self._all(request, RuleBook.flipping_all, RuleBook.flipping_nothing)
-
-    def _pull_all(self, request: srv.RemoteAllRequest) -> srv.RemoteAllResponse:
-        return self._all(request, RuleBook.pulling_all, RuleBook.pulling_nothing)
-
-    def _all(
-        self,
-        request: srv.RemoteAllRequest,
-        begin: Callable[..., RuleBook],
-        end: Callable[[RuleBook, str], RuleBook],
-    ) -> srv.RemoteAllResponse:
+    def _remote_all(self, action: str, request: srv.RemoteAllRequest) -> srv.RemoteAllResponse:
         def change(book: RuleBook) -> RuleBook:
             if request.cancel:
-                return end(book, request.gateway)
+                return book.without(action, request.gateway)
             self._need_hub()
             check_gateway(request.gateway, Code.HUB_UNKNOWN_ERROR)
             rules = conversions.rules_from_messages(request.blacklist, Code.HUB_UNKNOWN_ERROR)
-            return begin(book, request.gateway, rules)
+            return book.with_all(action, request.gateway, rules)
 
         return srv.RemoteAllResponse(*self._change(change))
 

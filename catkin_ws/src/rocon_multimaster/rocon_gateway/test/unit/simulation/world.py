@@ -192,11 +192,11 @@ class World:
         if action == "flip":
             remote = to(target, kind, name)
             known = remote in book.flips.rules
-            computer.book = book.unflipped([remote]) if known else book.flipped([remote])
+            computer.book = book.removed("flip", [remote]) if known else book.added("flip", [remote])
             return
         remote = RemoteRule(target, Rule(kind, name))
         known = remote in book.pulls.rules
-        computer.book = book.unpulled([remote]) if known else book.pulled([remote])
+        computer.book = book.removed("pull", [remote]) if known else book.added("pull", [remote])
         advertised = Rule(kind, "/tf" if name == ALL else name)
         if advertised not in computer.book.advertisements.rules:
             computer.book = computer.book.advertised([advertised])

@@ -8,7 +8,6 @@ import resource
 import socket
 import ssl
 import threading
-from collections import deque
 from collections.abc import Callable
 
 from rocon_hub_protocol.core.admission import LONGEST_LINE, UNPROVEN, HubSide
@@ -54,14 +53,14 @@ class Front:
         password: Callable[[], str],
         context: ssl.SSLContext | None,
     ) -> None:
-        self.target, self.password = target, password
+        self._target, self._password = target, password
         self._logger = logging.getLogger("rosout")
         self._sockets = _listening(port)
         self._context = context
         self._most = self._most_unproven()
         self._clients: set[Client] = set()
         self._unproven: dict[Client, None] = {}
-        self._waiting: deque[Client] = deque()
+        self._turn = asyncio.Lock()
         self._told: set[str] = set()
         self._end = asyncio.Event()
         self._loop = asyncio.new_event_loop()
@@ -113,22 +112,33 @@ class Front:
                     self._drop_oldest()
                     await asyncio.sleep(ROOM_PERIOD)
                 continue
-            client = Client(self, self._loop, connection, address[0])
+            client = Client(self._loop, connection, self._left)
             self._clients.add(client)
             self._unproven[client] = None
-            self._loop.create_task(self._open(client, connection))
+            client.admission = self._loop.create_task(self._admit(client, connection, address[0]))
             if len(self._unproven) > self._most:
                 self._drop_oldest()
             await asyncio.sleep(0)
 
-    async def _open(self, client: "Client", connection: socket.socket) -> None:
+    def _drop_oldest(self) -> None:
+        for client in list(self._unproven)[:1]:
+            self._unproven.pop(client)
+            client.drop()
+
+    def _left(self, client: "Client") -> None:
+        """Removes a disconnected client."""
+        self._unproven.pop(client, None)
+        self._clients.discard(client)
+
+    async def _admit(self, client: "Client", connection: socket.socket, host: str) -> None:
+        """Opens a client's connection and joins it to Redis if it proves the password."""
         patience = HANDSHAKE_TIME if self._context else None
         opened = False
         try:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
             for option, value in _KEEPALIVE.items():
                 connection.setsockopt(socket.IPPROTO_TCP, option, value)
-            await self._loop.connect_accepted_socket(
+            transport, _ = await self._loop.connect_accepted_socket(
                 lambda: client,
                 connection,
                 ssl=self._context,
@@ -141,46 +151,36 @@ class Front:
         finally:
             if not opened:
                 connection.close()
-                self.left(client)
+                self._left(client)
+        try:
+            answer, is_proven = await self._judge(client, host)
+            if is_proven:
+                _, end = await self._loop.create_unix_connection(End, self._target)
+                self._unproven.pop(client, None)
+                client.other, end.other = end, client
+            transport.write(answer)
+            if not is_proven:
+                transport.close()
+        except OSError:  # it is too slow, or Redis has died or is starting
+            transport.close()
 
-    def _drop_oldest(self) -> None:
-        for client in list(self._unproven)[:1]:
-            self.settled(client)
-            client.drop()
-
-    def wait(self, client: "Client") -> None:
-        """Queues a client. Proofs start one at a time, so that those in progress finish first."""
-        self._waiting.append(client)
-        if len(self._waiting) == 1:
-            self._loop.call_soon(self._next)
-
-    def _next(self) -> None:
-        while self._waiting and self._waiting[0].has_left:
-            self._waiting.popleft()
-        if self._waiting:
-            client = self._waiting.popleft()
-            if self._waiting:
-                self._loop.call_soon(self._next)
-            client.begin()
-
-    def settled(self, client: "Client") -> None:
-        """Called when a client has proved the password or disconnected."""
-        self._unproven.pop(client, None)
-
-    def left(self, client: "Client") -> None:
-        """Removes a disconnected client."""
-        self.settled(client)
-        self._clients.discard(client)
-
-    def refused(self, host: str) -> None:
-        """Logs that a host has a different password, once until it has ours."""
-        if host not in self._told and len(self._told) < MAX_UNPROVEN:
+    async def _judge(self, client: "Client", host: str) -> tuple[bytes, bool]:
+        """Returns the last answer to a client, and whether it has proved the password."""
+        first = await client.line()
+        try:
+            async with self._turn:
+                # Proofs start one at a time, so that those in progress finish first.
+                await asyncio.sleep(0)
+                side = HubSide(self._password(), first)
+            is_proven, answer = side.verdict(await client.line(side.answer))
+        except ProofError:
+            return UNPROVEN, False
+        if is_proven:
+            self._told.discard(host)
+        elif host not in self._told and len(self._told) < MAX_UNPROVEN:
             self._told.add(host)
             self._logger.warning("a client at %s does not know the hub's password", host)
-
-    def admitted(self, host: str) -> None:
-        """Called when a client at `host` has proved the password."""
-        self._told.discard(host)
+        return answer, is_proven
 
 
 class End(asyncio.Protocol):
@@ -218,42 +218,50 @@ class End(asyncio.Protocol):
 
 
 class Client(End):
-    """A client of the hub, from its first byte on."""
+    """A client of the hub, from its first byte on.
 
-    def __init__(self, front: Front, loop: asyncio.AbstractEventLoop, connection: socket.socket, host: str) -> None:
+    Args:
+        loop: the event loop.
+        connection: its socket.
+        left: called once it has disconnected.
+    """
+
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, connection: socket.socket, left: Callable[["Client"], object]
+    ) -> None:
         super().__init__()
-        self._front, self._loop, self._connection, self._host = front, loop, connection, host
-        self._line = self._first = b""
-        self._side: HubSide | None = None
-        self._joining: asyncio.Task[None] | None = None
+        self.admission: asyncio.Task[None] | None = None  #: ends when the client is admitted or refused
+        self._loop, self._connection, self._left = loop, connection, left
+        self._received = b""
+        self._line: asyncio.Future[bytes] = loop.create_future()
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Starts the timeout for the first line."""
-        super().connection_made(transport)
-        self._expect()
+    async def line(self, answer: bytes = b"") -> bytes:
+        """Sends our answer, if any, and returns the client's next line; raises TimeoutError."""
+        if answer and self.transport:
+            self._line = self._loop.create_future()
+            self.transport.write(answer)
+        async with asyncio.timeout(HANDSHAKE_TIME):
+            return await self._line
 
     def data_received(self, data: bytes) -> None:
-        """Handles lines of the proof; afterwards forwards received data."""
+        """Takes lines of the proof; afterwards forwards received data."""
         if self.other:
             super().data_received(data)
             return
-        self._line += data
-        if self._joining or len(self._line) > LONGEST_LINE:
-            self.give_up()  # it sends more without waiting for the answer
-        elif self._line.endswith(b"\r\n"):
-            line, self._line = self._line, b""
-            self._take(line)
+        self._received += data
+        if self._line.done() or len(self._received) > LONGEST_LINE:
+            if self.transport:
+                self.transport.close()  # it sends more without waiting for the answer
+        elif self._received.endswith(b"\r\n"):
+            self._line.set_result(self._received)
+            self._received = b""
 
     def connection_lost(self, error: Exception | None) -> None:
         """Closes the other side too."""
-        self._timer.cancel()
-        self._front.left(self)
+        if self.admission:
+            self.admission.cancel()
+        self._left(self)
         super().connection_lost(error)
-
-    def give_up(self) -> None:
-        """Closes the connection."""
-        if self.transport:
-            self.transport.close()
 
     def drop(self) -> None:
         """Closes the connection immediately, discarding unsent data and a pending TLS handshake."""
@@ -262,69 +270,6 @@ class Client(End):
             return
         with contextlib.suppress(OSError):  # not connected any more
             self._connection.shutdown(socket.SHUT_RDWR)  # this ends the TLS handshake
-
-    @property
-    def has_left(self) -> bool:
-        """Whether the connection is closed, or about to be."""
-        return self.transport is None or self.transport.is_closing()
-
-    def begin(self) -> None:
-        """Answers the first line."""
-        assert self.transport is not None
-        try:
-            self._side = HubSide(self._front.password(), self._first)
-        except ProofError:
-            self._refuse(UNPROVEN)
-            return
-        self.transport.write(self._side.answer)
-        self._expect()
-
-    def _expect(self) -> None:
-        self._timer = self._loop.call_later(HANDSHAKE_TIME, self.give_up)
-
-    def _take(self, line: bytes) -> None:
-        self._timer.cancel()
-        if not self._first:
-            self._first = line
-            self._front.wait(self)
-        elif self._side is None:
-            self.give_up()  # it sends more without waiting for the answer
-        else:
-            self._judge(self._side, line)
-
-    def _judge(self, side: HubSide, line: bytes) -> None:
-        try:
-            proven, answer = side.verdict(line)
-        except ProofError:
-            self._refuse(UNPROVEN)
-            return
-        if proven:
-            self._front.admitted(self._host)
-            self._joining = self._loop.create_task(self._join(answer))
-        else:
-            self._front.refused(self._host)
-            self._refuse(answer)
-
-    def _refuse(self, answer: bytes) -> None:
-        assert self.transport is not None
-        self.transport.write(answer)
-        self.give_up()
-
-    async def _join(self, answer: bytes) -> None:
-        assert self.transport is not None
-        end = End()
-        try:
-            await self._loop.create_unix_connection(lambda: end, self._front.target)
-        except OSError:  # Redis has died or is starting
-            self.give_up()
-            return
-        self._front.settled(self)
-        if self.transport.is_closing():
-            assert end.transport is not None
-            end.transport.close()
-            return
-        self.other, end.other = end, self
-        self.transport.write(answer)
 
 
 def _listening(port: int) -> list[socket.socket]:
