@@ -4,7 +4,6 @@ import math
 from typing import Any
 
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Twist
-from move_base_msgs.msg import MoveBaseGoal
 from std_msgs.msg import Header
 
 from pioneer_node.core.frame import stripped
@@ -39,11 +38,6 @@ def pose_from_waypoint(waypoint: Waypoint, stamp: Any) -> PoseStamped:
     """Returns ``waypoint`` as a PoseStamped at ``stamp`` (genpy.Time)."""
     turn = Quaternion(0.0, 0.0, math.sin(waypoint.yaw / 2.0), math.cos(waypoint.yaw / 2.0))
     return PoseStamped(Header(0, stamp, waypoint.frame), Pose(Point(waypoint.x, waypoint.y, 0.0), turn))
-
-
-def goal_from_waypoint(waypoint: Waypoint, stamp: Any) -> MoveBaseGoal:
-    """Returns ``waypoint`` as a goal for move_base."""
-    return MoveBaseGoal(pose_from_waypoint(waypoint, stamp))
 
 
 def message_from_queue(queue: WaypointQueue, frame: str, stamp: Any) -> WaypointQueueMessage:

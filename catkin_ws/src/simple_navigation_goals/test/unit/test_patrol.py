@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from simple_navigation_goals.adapters.patrol_file import read_patrol
-from simple_navigation_goals.core.error import PatrolError
+from simple_navigation_goals.adapters.waypoint_file import read_patrol
+from simple_navigation_goals.core.patrol import PatrolError
 from simple_navigation_goals.core.waypoint import Waypoint
 
 GOOD = """

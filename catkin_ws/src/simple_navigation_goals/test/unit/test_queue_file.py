@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from simple_navigation_goals.adapters.queue_file import QueueFile
-from simple_navigation_goals.core.error import QueueFileError
+from simple_navigation_goals.adapters.waypoint_file import QueueFile, QueueFileError
 from simple_navigation_goals.core.queue import Outcome, WaypointQueue
 from simple_navigation_goals.core.waypoint import Waypoint
 

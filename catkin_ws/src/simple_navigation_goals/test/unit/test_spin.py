@@ -1,8 +1,8 @@
 """A robot that stands still with a goal is turned after 5 s, for 1.5 s, in the direction last commanded."""
 
-from simple_navigation_goals.core.spin import SpinConfig, SpinState, commanded, watched
+from simple_navigation_goals.core.spin import SpinState, commanded, watched
 
-CONFIG = SpinConfig(max_vel_theta=1.0, patience=5.0, duration=1.5)
+MAX_VEL_THETA = 1.0
 Command = tuple[float, float] | None
 
 
@@ -13,8 +13,8 @@ def run(seconds: float, command: Command = None, state: SpinState | None = None,
     for step in range(1, round(seconds * 5) + 1):
         now = start + 0.2 * step
         if command:
-            state = commanded(state, CONFIG, *command, now)
-        state = watched(state, CONFIG, active, now)
+            state = commanded(state, MAX_VEL_THETA, *command, now)
+        state = watched(state, active, now)
     return state
 
 
@@ -39,7 +39,7 @@ def test_a_robot_that_turns_slowly_counts_as_standing_and_is_turned_that_way() -
 
 def test_a_turn_under_way_keeps_its_side() -> None:
     turning = run(5.6, (0.0, -0.4))
-    assert commanded(turning, CONFIG, 0.0, 0.4, turning.now + 0.1).direction == -1.0
+    assert commanded(turning, MAX_VEL_THETA, 0.0, 0.4, turning.now + 0.1).direction == -1.0
 
 
 def test_without_an_active_goal_nothing_turns() -> None:
@@ -57,10 +57,10 @@ def test_a_turn_ends_after_its_time_and_the_wait_starts_over() -> None:
 
 def test_a_goal_that_ends_ends_the_turn() -> None:
     turning = run(5.4)
-    assert not watched(turning, CONFIG, False, turning.now + 0.1).turning
+    assert not watched(turning, False, turning.now + 0.1).turning
 
 
 def test_time_that_jumps_back_starts_the_wait_over() -> None:
     state = run(4.8)
-    state = watched(state, CONFIG, True, 0.1)
+    state = watched(state, True, 0.1)
     assert not run(4.8, state=state).turning

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from pioneer_description.core.fleet_view import Bounds, RobotView, fleet_config, known_bounds, tool_name
-from pioneer_description.core.scene import TOLERANCE, marks_of, topic_of, view_of
+from pioneer_description.core.scene import TOLERANCE, marks_of, view_of
 
 TEMPLATE = yaml.safe_load((Path(__file__).parents[2] / "rviz" / "multi_pioneer.rviz").read_text())
 WORLD = Bounds(-6.0, -14.0, 24.0, 22.0)
@@ -37,8 +37,8 @@ def test_a_robot_of_another_kind_is_shown_with_its_own_model_laser_and_name():
     config = shown(pioneers(1)[0], rover)
     marks = [mark for mark in marks_of(config) if mark.robot == "rover"]
     assert [mark.what for mark in marks] == ["scan", "local costmap", "global plan", "local plan", "name"]
-    assert topic_of(config, marks[0]) == "/rover/scan"
-    assert topic_of(config, marks[1]) == "/rover/move_base/local_costmap/costmap"
+    assert marks[0].topic == "/rover/scan"
+    assert marks[1].topic == "/rover/move_base/local_costmap/costmap"
     group = next(one for one in config["Visualization Manager"]["Displays"] if one["Name"] == "rover")
     model = group["Displays"][0]
     assert (model["Robot Description"], model["TF Prefix"]) == ("rover/robot_description", "rover")

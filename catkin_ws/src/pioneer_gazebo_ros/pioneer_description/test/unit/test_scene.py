@@ -15,7 +15,6 @@ from pioneer_description.core.scene import (
     alone,
     marks_of,
     missing,
-    topic_of,
     view_of,
 )
 
@@ -43,7 +42,7 @@ def lacking(image, position=None):
 
 
 def test_a_mark_knows_the_topic_that_leaves_it():
-    topics = {str(mark): topic_of(CONFIG, mark) for mark in marks_of(CONFIG)}
+    topics = {str(mark): mark.topic for mark in marks_of(CONFIG)}
     assert topics["the map"] == "/map"
     assert topics["pioneer2's scan"] == "/pioneer2/base_scan"
     assert topics["pioneer2's model"] == ""

@@ -2,7 +2,7 @@
 
 import io
 import struct
-from typing import Any, Self
+from typing import Self
 
 from geometry_msgs.msg import Twist
 
@@ -14,9 +14,9 @@ _TWIST = struct.Struct("<6d")
 class CommandMessage(Twist):  # type: ignore[misc]
     """A geometry_msgs/Twist that (de)serialises its six numbers at once, without Vector3 objects."""
 
-    def __init__(self, *args: Any, **fields: Any) -> None:
-        super().__init__(*args, **fields)
-        self.command: Command = ZERO  #: the velocity
+    def __init__(self, command: Command = ZERO) -> None:
+        super().__init__()
+        self.command = command  #: the velocity
 
     def serialize(self, buff: io.BytesIO) -> None:
         """Writes ``command``."""
@@ -27,10 +27,3 @@ class CommandMessage(Twist):  # type: ignore[misc]
         x, y, z, roll, pitch, yaw = _TWIST.unpack(data)
         self.command = (x, y, z, roll, pitch, yaw)
         return self
-
-
-def message_from_command(command: Command) -> CommandMessage:
-    """Returns ``command`` as a message."""
-    message = CommandMessage()
-    message.command = command
-    return message

@@ -7,7 +7,7 @@ import pytest
 from geometry_msgs.msg import Twist, Vector3
 
 from pioneer_node.core.parameter import ParameterError
-from pioneer_ros.conversions import CommandMessage, message_from_command
+from pioneer_ros.conversions import CommandMessage
 from pioneer_ros.core.controller import ZERO, CommandError, Gains, Watchdog, gains_from_parameters
 
 
@@ -92,7 +92,7 @@ def test_a_jump_back_in_time_does_not_silence_the_watchdog() -> None:
 def test_a_command_message_has_the_bytes_of_a_twist() -> None:
     command = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
     ours, theirs = io.BytesIO(), io.BytesIO()
-    message_from_command(command).serialize(ours)
+    CommandMessage(command).serialize(ours)
     Twist(Vector3(*command[:3]), Vector3(*command[3:])).serialize(theirs)
     assert ours.getvalue() == theirs.getvalue()
     assert CommandMessage().deserialize(theirs.getvalue()).command == command

@@ -1,10 +1,9 @@
 """Operator commands: parses and validates the JSON that a page sends."""
 
-import dataclasses
 import json
 import math
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from pioneer_fleet.core.geometry import Pose
 
@@ -21,75 +20,11 @@ class CommandError(ValueError):
     """The command is invalid or not allowed; the message gives the reason."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Drive:
-    """Sends robots to waypoints, one per robot; ``append`` keeps the waypoints already queued."""
+class Command(NamedTuple):
+    """An operator's command: the name of what to do, and its arguments."""
 
-    places: Mapping[str, Pose]
-    append: bool
-
-
-@dataclasses.dataclass(frozen=True)
-class Locate:
-    """Sets a robot's initial pose for localisation."""
-
-    robot: str
-    pose: Pose
-
-
-@dataclasses.dataclass(frozen=True)
-class Cancel:
-    """Cancels all waypoints of robots."""
-
-    robots: Sequence[str]
-
-
-@dataclasses.dataclass(frozen=True)
-class Stop:
-    """Stops and holds robots, or with ``release`` releases them."""
-
-    robots: Sequence[str]
-    release: bool = False
-
-
-@dataclasses.dataclass(frozen=True)
-class Spawn:
-    """Spawns a box at (x, y) [m]."""
-
-    x: float
-    y: float
-
-
-@dataclasses.dataclass(frozen=True)
-class Simulate:
-    """Runs one of ``SIMULATOR_ACTIONS``."""
-
-    action: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Patrol:
-    """Makes robots repeat their current waypoints, or stops that if not ``on``."""
-
-    robots: Sequence[str]
-    on: bool
-
-
-@dataclasses.dataclass(frozen=True)
-class Record:
-    """Starts a recording, or finishes it if not ``on``."""
-
-    on: bool
-
-
-@dataclasses.dataclass(frozen=True)
-class Seek:
-    """Seeks a replay to ``at`` [s] after its start."""
-
-    at: float
-
-
-Command = Drive | Locate | Cancel | Stop | Spawn | Simulate | Patrol | Record | Seek
+    do: str
+    arguments: Mapping[str, Any]
 
 
 def command_from_text(text: str, robots: Collection[str]) -> Command:
@@ -110,29 +45,28 @@ def command_from_text(text: str, robots: Collection[str]) -> Command:
         raise CommandError("a command must be JSON") from None
     if not isinstance(fields, dict):
         raise CommandError("a command must be a JSON object")
-    match fields.get("do"):
+    do, on = fields.get("do"), fields.get("on") is True
+    match do:
         case "drive":
             places = formation(_pose(fields), _robots(fields, robots))
-            return Drive(places, fields.get("append") is True)
+            return Command("drive", {"places": places, "append": fields.get("append") is True})
         case "locate":
             (robot, *more) = _robots(fields, robots)
             if more:
                 raise CommandError("an initial pose is for one robot")
-            return Locate(robot, _pose(fields))
-        case "cancel":
-            return Cancel(_robots(fields, robots))
-        case "stop" | "release" as word:
-            return Stop(_robots(fields, robots), word == "release")
+            return Command("locate", {"robot": robot, "pose": _pose(fields)})
+        case "cancel" | "stop" | "release":
+            return Command(do, {"robots": _robots(fields, robots)})
         case "spawn":
-            return Spawn(_number(fields, "x"), _number(fields, "y"))
+            return Command("spawn", {"x": _number(fields, "x"), "y": _number(fields, "y")})
         case "simulate" if fields.get("action") in SIMULATOR_ACTIONS:
-            return Simulate(str(fields["action"]))
+            return Command("simulate", {"action": fields["action"]})
         case "patrol":
-            return Patrol(_robots(fields, robots), fields.get("on") is True)
+            return Command("patrol", {"robots": _robots(fields, robots), "on": on})
         case "record":
-            return Record(fields.get("on") is True)
+            return Command("record", {"on": on})
         case "seek":
-            return Seek(max(0.0, _number(fields, "at")))
+            return Command("seek", {"at": max(0.0, _number(fields, "at"))})
     raise CommandError("unknown command")
 
 

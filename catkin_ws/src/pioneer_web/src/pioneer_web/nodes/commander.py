@@ -2,7 +2,7 @@
 
 import itertools
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import rospy
@@ -15,8 +15,7 @@ from std_srvs.srv import Empty
 
 from pioneer_fleet.core.geometry import Pose
 from pioneer_web import conversions
-from pioneer_web.core import command as commands
-from pioneer_web.core.command import Cancel, Command, CommandError, Drive, Locate, Simulate, Spawn, Stop
+from pioneer_web.core.command import Command, CommandError
 from pioneer_web.core.robot import Robot
 from pioneer_web.nodes.patrol import FEWEST, Patrol
 from pioneer_web.nodes.recording import Recording
@@ -54,7 +53,7 @@ class Commander:
         self._robots: dict[str, Robot] = {}
         self.recording = recording
         self._patrols: dict[str, Patrol] = {}
-        self._seek = rospy.Publisher("/replay/seek", Float64, queue_size=1)
+        self._seeks = rospy.Publisher("/replay/seek", Float64, queue_size=1)
         self._due: dict[str, list[Pose]] = {}
         self._replacing = threading.Lock()
         self._boxes = itertools.count(1)
@@ -69,37 +68,13 @@ class Commander:
         self._robots = self._robots | {robot.name: robot for robot in robots}
 
     def do(self, command: Command) -> str:
-        """Executes a command; returns a message for the user.
+        """Executes a command with the method of its name; returns a message for the user.
 
         Raises:
             CommandError: the command cannot be executed.
         """
-        match command:
-            case Drive(places, append):
-                return self._drive(places, append)
-            case Locate(robot, pose):
-                self._publish(robot, "initialpose", _initial(pose))
-                return f"{robot} is at ({pose.x:.2f}, {pose.y:.2f})"
-            case Cancel(robots):
-                for robot in robots:
-                    self._end_patrol(robot)
-                    self._cancel(robot)
-                return f"waypoints of {', '.join(robots)} dropped"
-            case Stop(robots, release):
-                return self._release(robots) if release else self._stop(robots)
-            case Spawn(x, y):
-                return self._spawn(x, y)
-            case Simulate():
-                _call(_SERVICES[command.action], Empty)
-                return f"simulator: {command.action}"
-            case commands.Patrol(robots, on):
-                return self._patrol(robots) if on else self._end_patrols(robots)
-            case commands.Record(on):
-                return self.recording.start() if on else self.recording.stop()
-            case commands.Seek(at):
-                self._seek.publish(at)
-                return f"replay from {at:.0f} s on"
-        raise CommandError("unknown command")
+        message: str = getattr(self, f"_{command.do}")(**command.arguments)
+        return message
 
     def on_queue(self, robot: Robot) -> None:
         """Sends replacement waypoints once the robot's previous waypoints are cancelled."""
@@ -110,7 +85,28 @@ class Commander:
     def _publish(self, robot: str, topic: str, message: Any) -> None:
         self._publishers[robot][topic].publish(message)
 
-    def _drive(self, places: Any, append: bool) -> str:
+    def _locate(self, robot: str, pose: Pose) -> str:
+        self._publish(robot, "initialpose", _initial(pose))
+        return f"{robot} is at ({pose.x:.2f}, {pose.y:.2f})"
+
+    def _cancel(self, robots: Sequence[str]) -> str:
+        for name in robots:
+            self._end_patrol(name)
+            self._drop_waypoints(name)
+        return f"waypoints of {', '.join(robots)} dropped"
+
+    def _simulate(self, action: str) -> str:
+        _call(_SERVICES[action], Empty)
+        return f"simulator: {action}"
+
+    def _record(self, on: bool) -> str:
+        return self.recording.start() if on else self.recording.stop()
+
+    def _seek(self, at: float) -> str:
+        self._seeks.publish(at)
+        return f"replay from {at:.0f} s on"
+
+    def _drive(self, places: Mapping[str, Pose], append: bool) -> str:
         held = [name for name in places if self._robots[name].held]
         if held:
             raise CommandError(f"{', '.join(held)}: stopped; release first")
@@ -121,7 +117,11 @@ class Commander:
                 self._send(name, place, append)
         return ", ".join(f"{name} to ({place.x:.2f}, {place.y:.2f})" for name, place in places.items())
 
-    def _patrol(self, robots: Sequence[str]) -> str:
+    def _patrol(self, robots: Sequence[str], on: bool) -> str:
+        if not on:
+            for name in robots:
+                self._end_patrol(name)
+            return f"{', '.join(robots)} end with the waypoints that are left"
         for name in robots:
             if len(self._robots[name].goals) < FEWEST:
                 raise CommandError(f"{name} has no {FEWEST} waypoints to repeat: append some first")
@@ -135,11 +135,6 @@ class Commander:
                 lambda name=name: self._end_patrol(name),
             )
         return f"{', '.join(robots)} repeat their waypoints"
-
-    def _end_patrols(self, robots: Sequence[str]) -> str:
-        for name in robots:
-            self._end_patrol(name)
-        return f"{', '.join(robots)} end with the waypoints that are left"
 
     def _end_patrol(self, name: str) -> None:
         self._robots[name].patrols = False
@@ -155,9 +150,9 @@ class Commander:
             self._publish(name, "map_goal_pose", conversions.goal_from_pose(place))
         else:
             self._due[name] = [place]
-            self._cancel(name)
+            self._drop_waypoints(name)
 
-    def _cancel(self, robot: str) -> None:
+    def _drop_waypoints(self, robot: str) -> None:
         self._publish(robot, "map_goal_client/cancel", EmptyMessage())
 
     def _stop(self, robots: Sequence[str]) -> str:
@@ -168,7 +163,7 @@ class Commander:
             self._due.pop(name, None)
             self._end_patrol(name)
             self._robots[name].held = True
-            self._cancel(name)
+            self._drop_waypoints(name)
             self._publish(name, "move_base/cancel", GoalID())
         with self._changed:
             self._changed.notify()

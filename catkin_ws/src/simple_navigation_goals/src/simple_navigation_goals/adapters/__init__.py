@@ -1,1 +1,1 @@
-"""Adapters, one per module: the move_base action, patrol and queue files."""
+"""Adapters, one per module: the move_base action, files of waypoints."""

@@ -35,35 +35,20 @@ class _Goal:
     ended: bool = False  #: whether its last status was final, so that the result will follow
 
 
-class _Publisher(Protocol):
-    def publish(self, message: Any) -> None: ...
-
-    def reaches(self, node: str) -> bool: ...
-
-
-class _Subscriber(Protocol):
-    def hears(self, node: str) -> bool: ...
-
-
-class Handle(Protocol):
-    """The part of a `NodeHandle` that a client needs."""
+class _Handle(Protocol):
+    """The part of a `NodeHandle` that a client needs; rospy's nodes have a `RospyHandle`."""
 
     @property
-    def name(self) -> str:
-        """The node's resolved name."""
+    def name(self) -> str: ...
 
     @property
-    def lockstep(self) -> object | None:
-        """None if the node does not run in lockstep."""
+    def lockstep(self) -> object | None: ...
 
-    def stamp(self) -> Any:
-        """Returns ROS time as a message stamp."""
+    def stamp(self) -> Any: ...
 
-    def advertise(self, topic: str, kind: Any) -> _Publisher:
-        """Returns a new publisher."""
+    def advertise(self, topic: str, kind: Any) -> Any: ...
 
-    def subscribe(self, topic: str, kind: Any, take: Callable[[Any, str], object]) -> _Subscriber:
-        """Subscribes; calls ``take`` with each message and the name of its sender."""
+    def subscribe(self, topic: str, kind: Any, take: Callable[[Any, str], object]) -> Any: ...
 
 
 class MoveBase:
@@ -75,7 +60,7 @@ class MoveBase:
         on_done: called with (serial, outcome, text) when the goal with number ``serial`` (see ``send``) has ended.
     """
 
-    def __init__(self, node: Handle, name: str, on_done: Callable[[int, Outcome, str], object]) -> None:
+    def __init__(self, node: _Handle, name: str, on_done: Callable[[int, Outcome, str], object]) -> None:
         self._node, self._on_done = node, on_done
         self._goals = node.advertise(f"{name}/goal", MoveBaseActionGoal)
         self._cancels = node.advertise(f"{name}/cancel", GoalID)

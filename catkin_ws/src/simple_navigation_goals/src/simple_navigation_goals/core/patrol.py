@@ -5,11 +5,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from simple_navigation_goals.core.error import PatrolError, WaypointError
-from simple_navigation_goals.core.waypoint import Waypoint
+from pioneer_node.core.parameter import ParameterError
+from simple_navigation_goals.core.waypoint import Waypoint, WaypointError
 
 _FIELDS = ("frame", "loop", "waypoints")
 _WAYPOINT_FIELDS = ("x", "y", "heading", "wait")
+
+
+class PatrolError(ParameterError):
+    """A patrol that cannot be read."""
 
 
 @dataclass(frozen=True)

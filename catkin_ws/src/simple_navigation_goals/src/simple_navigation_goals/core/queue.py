@@ -83,7 +83,6 @@ class WaypointQueue:
         self.waiting: deque[Waypoint] = deque()  #: the waypoints after it
         self.text = ""  #: the latest event
         self._number = 0  # number of the current waypoint, in order of arrival
-        self._numbers: deque[int] = deque()
         self._retries_left = 0
         self.rest = 0.0  #: how long the robot has to stand before it continues [s]; 0 if not at all
         self._patrol: Patrol | None = None
@@ -109,12 +108,11 @@ class WaypointQueue:
 
     def add(self, waypoint: Waypoint) -> None:
         """Appends a waypoint; a held queue resumes."""
-        self.received += 1
-        self.waiting.append(waypoint)
-        self._numbers.append(self.received)
+        self._append(waypoint)
         self._held = False
         self._say(f"waypoint {self.received} {waypoint} received, {len(self.waiting)} waiting")
-        self._say_if_waiting()
+        if not self._server and len(self.waiting) == 1 and self.current is None:
+            self._say("waiting for move_base")
 
     def patrol(self, patrol: Patrol) -> bool:
         """Clears the queue and starts a patrol; returns the result of ``clear``."""
@@ -130,7 +128,7 @@ class WaypointQueue:
 
     def clear(self) -> bool:
         """Drops all waypoints and the patrol; returns whether a goal is active, which the owner must then cancel."""
-        count = len(self.waiting) + (self.current is not None)
+        count = len(self.remaining)
         was_under_way = self._under_way
         self._drop_current()
         self._drop_waiting()
@@ -144,7 +142,8 @@ class WaypointQueue:
         if not self._server or not self._wants_to_send():
             return None
         if self.current is None:
-            self.current, self._number = self.waiting.popleft(), self._numbers.popleft()
+            self.current = self.waiting.popleft()
+            self._number = self.received - len(self.waiting)
             self._retries_left = self.config.retries if self.config.on_abort == "retry" else 0
         return self.current
 
@@ -226,9 +225,7 @@ class WaypointQueue:
             self._reached_before = self.reached
             self._say(f"round {self._round} of the patrol: {len(patrol.waypoints)} waypoints")
             for waypoint in patrol.waypoints:
-                self.received += 1
-                self.waiting.append(waypoint)
-                self._numbers.append(self.received)
+                self._append(waypoint)
 
     def _remainder(self) -> str:
         if self._held:
@@ -242,18 +239,17 @@ class WaypointQueue:
     def _named(self) -> str:
         return f"waypoint {self._number} {self.current}"
 
+    def _append(self, waypoint: Waypoint) -> None:
+        self.received += 1
+        self.waiting.append(waypoint)
+
     def _drop_current(self) -> None:
         self.current, self._under_way = None, False
 
     def _drop_waiting(self) -> None:
         self.waiting.clear()
-        self._numbers.clear()
         self._held = False
 
     def _say(self, text: str, trouble: bool = False) -> None:
         self.text = text
         self._events.append(Event(text, trouble))
-
-    def _say_if_waiting(self) -> None:
-        if not self._server and len(self.waiting) == 1 and self.current is None:
-            self._say("waiting for move_base")

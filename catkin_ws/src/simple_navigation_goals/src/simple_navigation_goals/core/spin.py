@@ -4,15 +4,10 @@ from dataclasses import dataclass, replace
 
 SLOW = 0.001
 """Commanded speed [m/s] below which the robot counts as standing."""
-
-
-@dataclass(frozen=True)
-class SpinConfig:
-    """Times [s, ROS time] and the turning speed [rad/s]; ``max_vel_theta`` is the local planner's."""
-
-    max_vel_theta: float = 1.0
-    patience: float = 5.0
-    duration: float = 1.5
+PATIENCE = 5.0
+"""How long the robot has to stand until it is turned [s of ROS time]."""
+DURATION = 1.5
+"""Duration of a turn [s of ROS time]."""
 
 
 @dataclass(frozen=True)
@@ -32,26 +27,26 @@ class SpinState:
         return self.turning_until is not None
 
 
-def commanded(state: SpinState, config: SpinConfig, linear: float, angular: float, now: float) -> SpinState:
+def commanded(state: SpinState, max_vel_theta: float, linear: float, angular: float, now: float) -> SpinState:
     """Returns the state after move_base commanded ``linear`` [m/s] and ``angular`` [rad/s] at ROS time ``now`` [s].
 
-    A command that drives, or turns at full speed, ends the standing. A command that turns sets the direction of the
-    next turn, but does not change a turn in progress.
+    A command that drives, or turns at the local planner's ``max_vel_theta`` [rad/s], ends the standing. A command that
+    turns sets the direction of the next turn, but does not change a turn in progress.
     """
     if angular != 0.0 and not state.turning:
         state = replace(state, direction=1.0 if angular > 0.0 else -1.0)
-    if abs(linear) >= SLOW or abs(angular) >= config.max_vel_theta:
+    if abs(linear) >= SLOW or abs(angular) >= max_vel_theta:
         state = replace(state, standing_since=None)
-    return advanced(state, config, now)
+    return advanced(state, now)
 
 
-def watched(state: SpinState, config: SpinConfig, active: bool, now: float) -> SpinState:
+def watched(state: SpinState, active: bool, now: float) -> SpinState:
     """Returns the state after move_base's status reported whether a goal is ``active``, at ROS time ``now`` [s]."""
-    return advanced(replace(state, active=active), config, now)
+    return advanced(replace(state, active=active), now)
 
 
-def advanced(state: SpinState, config: SpinConfig, now: float) -> SpinState:
-    """Returns the state at ROS time ``now`` [s]: a turn starts after ``patience`` of standing and lasts ``duration``.
+def advanced(state: SpinState, now: float) -> SpinState:
+    """Returns the state at ROS time ``now`` [s]: a turn starts after `PATIENCE` of standing and lasts `DURATION`.
 
     Without an active goal there is no turn. When time jumps back, the wait restarts.
     """
@@ -61,5 +56,5 @@ def advanced(state: SpinState, config: SpinConfig, now: float) -> SpinState:
         over = now >= state.turning_until
         return replace(state, now=now, standing_since=None, turning_until=None if over else state.turning_until)
     since = now if state.standing_since is None else state.standing_since
-    until = now + config.duration if now - since >= config.patience else None
+    until = now + DURATION if now - since >= PATIENCE else None
     return replace(state, now=now, standing_since=since, turning_until=until)

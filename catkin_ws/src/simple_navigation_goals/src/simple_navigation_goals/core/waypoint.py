@@ -3,7 +3,9 @@
 import math
 from dataclasses import dataclass
 
-from simple_navigation_goals.core.error import WaypointError
+
+class WaypointError(ValueError):
+    """An invalid waypoint: a number that is not finite, a negative wait, or an invalid orientation."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from geometry_msgs.msg import Twist, Vector3
 from pioneer_node.adapters.node_handle import NodeHandle
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 from pioneer_node.nodes.node_host import run
-from simple_navigation_goals.core.spin import SpinConfig, SpinState, commanded, watched
+from simple_navigation_goals.core.spin import PATIENCE, SpinState, commanded, watched
 
 _MAX_VEL_THETA = "move_base/TrajectoryPlannerROS/max_vel_theta"
 
@@ -46,40 +46,40 @@ class SpinRecoverNode:
         self._node = node
         config = config_from_mapping(RecoverConfig, node.parameters(), node.name)
         self._limit = node.resolved(_MAX_VEL_THETA)
-        self._config = self._config_of(node.parameter(_MAX_VEL_THETA, None))
+        self._speed = self._checked(node.parameter(_MAX_VEL_THETA, None))
         self._state = SpinState()
         node.watch(_MAX_VEL_THETA, self._reload)
         self._publisher = node.advertise(config.cmd_vel_topic, Twist)
         node.subscribe("move_base/status", GoalStatusArray, self._on_status)
         node.subscribe(config.cmd_vel_topic, Twist, self._on_command)
 
-    def _config_of(self, limit: Any) -> SpinConfig:
+    def _checked(self, limit: Any) -> float:
         limit = 1.0 if limit is None else limit
         if isinstance(limit, bool) or not isinstance(limit, int | float) or not 0.0 < limit < math.inf:
             raise ParameterError(f"parameter {self._limit} must be a positive number, not {limit!r}")
-        return SpinConfig(max_vel_theta=float(limit))
+        return float(limit)
 
     def _reload(self, limit: Any) -> None:
         try:
-            self._config = self._config_of(limit)
+            self._speed = self._checked(limit)
         except ParameterError as error:
             self._node.logger.error("%s", error)
 
     def _on_status(self, message: GoalStatusArray, _sender: str) -> None:
         active = any(status.status == GoalStatus.ACTIVE for status in message.status_list)
-        self._enter(watched(self._state, self._config, active, self._node.now()))
+        self._enter(watched(self._state, active, self._node.now()))
 
     def _on_command(self, message: Twist, sender: str) -> None:
         if sender != self._node.name:
             linear, angular = message.linear.x, message.angular.z
-            self._enter(commanded(self._state, self._config, linear, angular, self._node.now()))
+            self._enter(commanded(self._state, self._speed, linear, angular, self._node.now()))
 
     def _enter(self, state: SpinState) -> None:
         was_turning, self._state = self._state.turning, state
         if state.turning:
             if not was_turning:
-                self._node.logger.info("no movement for %.0f s: turning in place", self._config.patience)
-            self._publish(state.direction * self._config.max_vel_theta)
+                self._node.logger.info("no movement for %.0f s: turning in place", PATIENCE)
+            self._publish(state.direction * self._speed)
         elif was_turning:
             self._publish(0.0)
 

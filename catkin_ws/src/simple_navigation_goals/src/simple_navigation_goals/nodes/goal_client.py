@@ -8,25 +8,24 @@ from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, Twist
+from move_base_msgs.msg import MoveBaseGoal
 from std_msgs.msg import Empty as EmptyMessage
-from std_srvs.srv import Empty, EmptyRequest, EmptyResponse, Trigger, TriggerRequest, TriggerResponse
+from std_srvs.srv import Empty, EmptyResponse, Trigger, TriggerRequest, TriggerResponse
 
 from pioneer_node.adapters.node_handle import NodeHandle
-from pioneer_node.core.parameter import ParameterError, config_from_mapping
+from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes.standing_warning import StandingWarning
 from simple_navigation_goals.adapters.move_base import MoveBase
-from simple_navigation_goals.adapters.patrol_file import read_patrol
-from simple_navigation_goals.adapters.queue_file import QueueFile
+from simple_navigation_goals.adapters.waypoint_file import QueueFile, QueueFileError, read_patrol
 from simple_navigation_goals.conversions import (
-    goal_from_waypoint,
     message_from_queue,
+    pose_from_waypoint,
     waypoint_from_pose,
     waypoint_from_twist,
 )
-from simple_navigation_goals.core.error import PatrolError, QueueFileError, WaypointError
-from simple_navigation_goals.core.patrol import Patrol
+from simple_navigation_goals.core.patrol import PatrolError
 from simple_navigation_goals.core.queue import Outcome, QueueConfig, WaypointQueue
-from simple_navigation_goals.core.waypoint import Waypoint
+from simple_navigation_goals.core.waypoint import Waypoint, WaypointError
 from simple_navigation_goals.msg import WaypointQueue as WaypointQueueMessage
 
 _TICK = 0.25  # period of the check whether move_base is running [s, wall time]
@@ -91,7 +90,6 @@ class GoalClientNode:
         self._queue, self._file = WaypointQueue(config), QueueFile(config.queue_file)
         self._unwritten = StandingWarning("waypoints are remembered again", _FILE_PERIOD, node.logger)
         self._present = False
-        self._serial = 0
         self._due_since: float | None = None
         self._resting_since: float | None = None
         self._publisher = node.advertise("~queue", WaypointQueueMessage, latch=True)
@@ -99,12 +97,12 @@ class GoalClientNode:
         self._move_base = MoveBase(node, config.action, self._on_done)
         node.subscribe(topic, Twist, partial(self._on_waypoint, waypoint_from_twist))
         node.subscribe(f"{topic}_pose", PoseStamped, partial(self._on_waypoint, waypoint_from_pose))
-        node.subscribe("~cancel", EmptyMessage, lambda _message, _sender: self._clear())
-        node.serve("~clear", Empty, self._on_clear)
+        node.subscribe("~cancel", EmptyMessage, self._clear)
+        node.serve("~clear", Empty, self._clear)
         node.serve("~patrol", Trigger, self._on_patrol)
         self._resume()
         if config.patrol:
-            self._queue.patrol(self._read_patrol(config.patrol))
+            self._queue.patrol(read_patrol(Path(config.patrol), frame))
         self._publish()
         self._acts.start()
 
@@ -131,39 +129,27 @@ class GoalClientNode:
         self._queue.add(waypoint)
         self._acts.now()
 
-    def _on_clear(self, _request: EmptyRequest) -> EmptyResponse:
-        self._clear()
+    def _clear(self, *_: object) -> EmptyResponse:
+        if self._queue.clear():
+            self._move_base.cancel()
+        self._acts.now()
         return EmptyResponse()
-
-    def _read_patrol(self, path: str) -> Patrol:
-        try:
-            return read_patrol(Path(path), self._frame)
-        except PatrolError as error:
-            raise ParameterError(str(error)) from None
 
     def _on_patrol(self, _request: TriggerRequest) -> TriggerResponse:
         path = self._node.parameter("~patrol", "")
         if not path:
             return TriggerResponse(False, f"parameter {self._node.resolved('~patrol')} is not set to a file")
         try:
-            patrol = self._read_patrol(str(path))
-        except ParameterError as error:
+            patrol = read_patrol(Path(str(path)), self._frame)
+        except PatrolError as error:
             return TriggerResponse(False, str(error))
         if self._queue.patrol(patrol):
             self._move_base.cancel()
-        self._serial = 0
         self._acts.now()
         return TriggerResponse(True, f"{len(patrol.waypoints)} waypoints, {patrol.rounds or 'endless'} rounds")
 
-    def _on_done(self, serial: int, outcome: Outcome, text: str) -> None:
-        if serial == self._serial:
-            self._queue.finished(outcome, text)
-            self._acts.now()
-
-    def _clear(self) -> None:
-        if self._queue.clear():
-            self._move_base.cancel()
-        self._serial = 0
+    def _on_done(self, _serial: int, outcome: Outcome, text: str) -> None:
+        self._queue.finished(outcome, text)
         self._acts.now()
 
     def _rest(self) -> None:
@@ -186,7 +172,6 @@ class GoalClientNode:
             self._queue.server_found()
         else:
             self._move_base.forget()
-            self._serial = 0
             self._queue.server_lost()
 
     def _send_due(self) -> None:
@@ -199,7 +184,7 @@ class GoalClientNode:
             self._say_if_late(due)
             return
         self._due_since = None
-        self._serial = self._move_base.send(goal_from_waypoint(goal, self._node.stamp()))
+        self._move_base.send(MoveBaseGoal(pose_from_waypoint(goal, self._node.stamp())))
         self._queue.sent(goal)
 
     def _say_if_late(self, due: Waypoint) -> None:

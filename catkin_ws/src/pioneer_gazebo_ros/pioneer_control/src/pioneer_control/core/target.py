@@ -3,8 +3,6 @@
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
-_COMMAND = "pioneer/cmd_vel"
-_ACTION = "move_base"
 _LIVE = frozenset({0, 1, 6, 7})  # pending, active, preempting, recalling (actionlib_msgs/GoalStatus)
 
 Graph = Mapping[str, Collection[str]]
@@ -34,25 +32,16 @@ def targets_from_graph(publishers: Graph, subscribers: Graph, services: Graph, o
     A waypoint client is a node that offers ``~clear`` and publishes ``~queue``. Topics used only by node ``own``, the
     caller, are ignored.
     """
+
+    def used(end: str, *graphs: Graph) -> list[str]:
+        return [name for graph in graphs for name in graph if name.endswith(end) and {*graph[name]} - {own}]
+
+    clients = {name.removesuffix("/queue") for name in publishers if name.endswith("/queue")}
     return Targets(
-        commands=frozenset(_ending(_others(publishers, own) | _others(subscribers, own), _COMMAND)),
-        actions=frozenset(
-            name.removesuffix("/cancel") for name in _ending(_others(subscribers, own), f"{_ACTION}/cancel")
-        ),
-        clears=frozenset(name for name in services if name.endswith("/clear") and _queue_of(name) in publishers),
+        commands=frozenset(used("/pioneer/cmd_vel", publishers, subscribers)),
+        actions=frozenset(name.removesuffix("/cancel") for name in used("/move_base/cancel", subscribers)),
+        clears=frozenset(f"{name}/clear" for name in clients) & services.keys(),
     )
-
-
-def _others(graph: Graph, own: str) -> set[str]:
-    return {name for name, nodes in graph.items() if any(node != own for node in nodes)}
-
-
-def _ending(names: Iterable[str], end: str) -> set[str]:
-    return {name for name in names if name.endswith(f"/{end}")}
-
-
-def _queue_of(service: str) -> str:
-    return f"{service.removesuffix('/clear')}/queue"
 
 
 def any_live(statuses: Iterable[int]) -> bool:

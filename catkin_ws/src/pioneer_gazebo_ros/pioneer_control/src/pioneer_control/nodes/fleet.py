@@ -30,7 +30,6 @@ class Fleet:
         self._cancels: dict[str, rospy.Publisher] = {}
         self._live: dict[str, bool] = {}
         self._subscribers: list[rospy.Subscriber] = []
-        self._lock = threading.Lock()
 
     def discover(self) -> Targets:
         """Queries the master and connects to new robots."""
@@ -39,8 +38,7 @@ class Fleet:
         for topic in self.targets.commands - self._commands.keys():
             # Latched, so that the message arrives as soon as the connection is made, however late.
             publisher = rospy.Publisher(topic, Twist, queue_size=1, latch=True, tcp_nodelay=True)
-            with self._lock:
-                self._commands[topic] = publisher
+            self._commands = {**self._commands, topic: publisher}  # another thread may be in `stop`
             if self._hold:
                 self._subscribers.append(rospy.Subscriber(topic, Twist, self._on_command, topic, queue_size=1))
         for action in self.targets.actions - self._cancels.keys():
@@ -50,9 +48,7 @@ class Fleet:
 
     def stop(self) -> None:
         """Commands zero velocity to every robot."""
-        with self._lock:
-            publishers = list(self._commands.values())
-        for publisher in publishers:
+        for publisher in self._commands.values():
             publisher.publish(Twist())
 
     def cancel(self) -> None:
@@ -65,14 +61,11 @@ class Fleet:
     def wait_until_cancelled(self, timeout: float) -> list[str]:
         """Waits [s of wall time] until no goal is active; returns the actions whose goals may still be active."""
         deadline = time.monotonic() + timeout
-        ended = threading.Event()
-        rospy.on_shutdown(ended.set)
-        while (left := self._unended()) and time.monotonic() < deadline and not ended.wait(_LOOK_EVERY):
-            pass
+        while left := sorted(action for action in self.targets.actions if self._live.get(action, True)):
+            if time.monotonic() >= deadline or rospy.is_shutdown():
+                break
+            rospy.rostime.wallsleep(_LOOK_EVERY)
         return left
-
-    def _unended(self) -> list[str]:
-        return sorted(action for action in self.targets.actions if self._live.get(action, True))
 
     def _on_status(self, message: GoalStatusArray, action: str) -> None:
         self._live[action] = any_live(status.status for status in message.status_list)

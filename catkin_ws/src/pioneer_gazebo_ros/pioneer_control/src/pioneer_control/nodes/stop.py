@@ -13,8 +13,8 @@ _ZERO_EVERY = 0.05
 _SCAN_EVERY = 1.0  # all in s of wall time
 
 
-def _begin(name: str, description: str, once: bool) -> argparse.Namespace | None:
-    """Parses the command line and starts the node; returns None if no master is running."""
+def _begin(name: str, description: str, once: bool) -> argparse.Namespace:
+    """Parses the command line and starts the node; exits if no master is running."""
     parser = argparse.ArgumentParser(prog=name, description=description)
     parser.add_argument(
         "robots", nargs="*", metavar="ROBOT", help="namespace, as pioneer1; all robots where none is given"
@@ -24,7 +24,7 @@ def _begin(name: str, description: str, once: bool) -> argparse.Namespace | None
     options = parser.parse_args(rospy.myargv()[1:])
     if not rosgraph.is_master_online():
         rospy.logfatal("no ROS master at %s", rosgraph.get_master_uri())
-        return None
+        raise SystemExit(1)
     rospy.init_node(name.lower(), anonymous=True)
     return options
 
@@ -42,8 +42,6 @@ def _report(fleet: Fleet) -> int:
 def cancel_waypoint() -> int:
     """Runs ``cancel_waypoint [ROBOT...]``: clears waypoint queues and cancels goals; returns the exit status."""
     options = _begin("cancel_waypoint", "Clear the waypoints of robots and cancel the goals they drive to.", once=False)
-    if options is None:
-        return 1
     fleet = Fleet(options.robots)
     if not fleet.discover().actions:
         rospy.logwarn("no move_base here%s", f" of {', '.join(options.robots)}" if options.robots else "")
@@ -55,8 +53,6 @@ def cancel_waypoint() -> int:
 def estop() -> int:
     """Runs ``ESTOP [--once] [ROBOT...]``: holds robots still until Ctrl-C; returns the exit status."""
     options = _begin("ESTOP", "Stop robots and cancel their goals, and hold them so until Ctrl-C.", once=True)
-    if options is None:
-        return 1
     fleet = Fleet(options.robots, hold=True)
     if not fleet.discover().commands:
         rospy.logwarn("no robot here%s", f" called {', '.join(options.robots)}" if options.robots else "")

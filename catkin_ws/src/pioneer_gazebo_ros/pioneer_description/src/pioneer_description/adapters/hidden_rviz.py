@@ -4,7 +4,9 @@ import contextlib
 import os
 import select
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+import signal
+import subprocess
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -13,12 +15,15 @@ import numpy as np
 import yaml
 from PIL import Image, ImageGrab
 
-from pioneer_description.adapters.program import running
-
 SCREEN_TIME = 10.0
 """Time limit for Xvfb to open its screen [s]."""
 LAST_LINES = 15
 """Number of lines of RViz's log quoted when RViz ends unexpectedly."""
+_GRACE = 3.0
+"""Time a program has to end after SIGINT before it is killed [s]."""
+# A program must not outlive this process, even if this process is killed. A shell starts background jobs with SIGINT
+# ignored, which a program would inherit.
+_PREFIX = ("env", "--default-signal=INT", "setpriv", "--pdeathsig", "TERM", "--")
 
 Picture = np.ndarray[Any, np.dtype[np.uint8]]
 """Shape (height, width, 3)."""
@@ -26,6 +31,21 @@ Picture = np.ndarray[Any, np.dtype[np.uint8]]
 
 class RvizError(RuntimeError):
     """RViz or its virtual display failed to start, or has ended; the message says what to do."""
+
+
+@contextlib.contextmanager
+def running(argv: Sequence[str], **options: Any) -> Iterator["subprocess.Popen[bytes]"]:
+    """Runs a program in its own session and ends it with the block; ``options`` are passed to ``Popen``."""
+    program = subprocess.Popen([*_PREFIX, *argv], start_new_session=True, stdin=subprocess.DEVNULL, **options)
+    try:
+        yield program
+    finally:
+        program.send_signal(signal.SIGINT)
+        try:
+            program.wait(_GRACE)
+        except subprocess.TimeoutExpired:
+            program.kill()
+            program.wait()
 
 
 @contextlib.contextmanager

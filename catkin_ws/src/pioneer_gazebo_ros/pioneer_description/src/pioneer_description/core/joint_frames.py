@@ -30,7 +30,7 @@ class JointFrames:
         jumped back, as after a simulation reset.
         """
         known = [name for name in names if name in self.moving]
-        if not any(self._is_due(time, self._published.get(name)) for name in known):
+        if all(0 <= time - self._published.get(name, -math.inf) < self._period for name in known):
             return ()
         self._published.update(dict.fromkeys(known, time))
         return tuple(known)
@@ -38,17 +38,10 @@ class JointFrames:
     def pose(self, name: str, position: float) -> Pose:
         """Returns the child frame in the parent frame for a joint position [rad or m]."""
         joint = self.moving[name]
-        return joint.pose.compose(_moved(joint, position))
-
-    def _is_due(self, time: int, last: int | None) -> bool:
-        return last is None or time >= last + self._period or time < last
-
-
-def _moved(joint: Joint, position: float) -> Pose:
-    if joint.kind == PRISMATIC:
-        return Pose(_scaled(joint.axis, position))
-    x, y, z = _scaled(joint.axis, math.sin(position / 2))
-    return Pose(rotation=(x, y, z, math.cos(position / 2)))
+        if joint.kind == PRISMATIC:
+            return joint.pose.compose(Pose(_scaled(joint.axis, position)))
+        rotation = (*_scaled(joint.axis, math.sin(position / 2)), math.cos(position / 2))
+        return joint.pose.compose(Pose(rotation=rotation))
 
 
 def _scaled(vector: Vector, factor: float) -> Vector:

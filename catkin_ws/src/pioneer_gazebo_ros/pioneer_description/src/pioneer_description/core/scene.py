@@ -58,6 +58,7 @@ class Mark:
     colour: tuple[int, int, int] | None  #: red, green, blue; None for the many colours of a costmap
     radius: float = 0.0  #: maximum distance from the robot [m]; 0 for anywhere
     least: int = 8  #: minimum number of pixels
+    topic: str = ""  #: the topic that it shows; "" for none, such as a robot model
 
     def __str__(self) -> str:
         return f"{self.robot}'s {self.what}" if self.robot else f"the {self.what}"
@@ -84,7 +85,8 @@ def marks_of(config: Mapping[str, Any]) -> list[Mark]:
         SceneError: it shows no robot, or two displays share a colour.
     """
     displays = [one for one in config.get("Visualization Manager", {}).get("Displays", ()) if one.get("Enabled", True)]
-    marks = [Mark("", "map", FREE, least=1000) for one in displays if one.get("Class") == "rviz/Map"]
+    maps = [one for one in displays if one.get("Class") == "rviz/Map"]
+    marks = [Mark("", "map", FREE, least=1000, topic=str(one.get("Topic", ""))) for one in maps]
     named = any(one.get("Class") == "rviz/MarkerArray" for one in displays)
     for group in displays:
         if group.get("Class") == "rviz/Group":
@@ -101,26 +103,16 @@ def _marks_of_robot(group: Mapping[str, Any]) -> Iterator[Mark]:
     for display in group.get("Displays", ()):
         if not display.get("Enabled", True):
             continue
-        name = str(display.get("Name", "")).lower()
+        name, topic = str(display.get("Name", "")).lower(), str(display.get("Topic", ""))
         match display.get("Class"):
             case "rviz/RobotModel":
                 if display.get("Robot Description", "robot_description") == "robot_description":
                     yield Mark(robot, name, TOP_PLATE, 0.6)
             case "rviz/Map":
-                yield Mark(robot, name, None, 1.6, 40)
+                yield Mark(robot, name, None, 1.6, 40, topic)
             case "rviz/LaserScan" | "rviz/Path":
                 red, green, blue = (int(part) for part in str(display.get("Color", "0; 0; 0")).split(";"))
-                yield Mark(robot, name, (red, green, blue))
-
-
-def topic_of(config: Mapping[str, Any], mark: Mark) -> str:
-    """Returns the topic of the display that draws a mark; empty if it has none, such as a robot model."""
-    displays = config.get("Visualization Manager", {}).get("Displays", ())
-    inner = [one for group in displays if group.get("Name") == mark.robot for one in group.get("Displays", ())]
-    for display in inner if mark.robot else displays:
-        if str(display.get("Name", "")).lower() == mark.what:
-            return str(display.get("Topic", ""))
-    return ""
+                yield Mark(robot, name, (red, green, blue), topic=topic)
 
 
 def size_of(config: Mapping[str, Any]) -> tuple[int, int]:

@@ -10,14 +10,14 @@ import os
 import signal
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import rospy
 import yaml
 
-from pioneer_description.adapters.program import running
+from pioneer_description.adapters.hidden_rviz import running
 from pioneer_description.core.fleet_view import Bounds, fitted_scale, fleet_config, tool_name
 from pioneer_description.core.scene import SceneError
 from pioneer_description.nodes.fleet_watch import FleetWatch
@@ -35,28 +35,28 @@ class _String(ctypes.Structure):
     _fields_ = (("data", ctypes.c_char_p), ("size", ctypes.c_size_t), ("room", ctypes.c_char * 16))
 
 
-class RosCpp:
-    """The C++ node of RViz. RViz's bindings cannot set its name; without one it calls itself ``/rviz_…``.
+def _roscpp_node(name: bytes) -> Callable[[], bool]:
+    """Starts the C++ node of RViz, whose bindings cannot set its name; without one it calls itself ``/rviz_…``.
 
     Args:
         name: default name if the command line has no ``__name:=``; rules refer to the node by name.
-    """
 
-    def __init__(self, name: bytes) -> None:
-        # The library loaded by the bindings. Its functions have C++ mangled names:
-        # init(int&, char**, const std::string&, uint32_t) and ok().
-        library = ctypes.CDLL(ctypes.util.find_library("roscpp"))
-        words = [os.fsencode(word) for word in sys.argv]
-        self._arguments = (ctypes.c_char_p * (len(words) + 1))(*words)
-        init = library._ZN3ros4initERiPPcRKNSt7__cxx1112basic_stringIcSt11char_traitsIcESaIcEEEj
-        init.restype = None
-        init(
-            ctypes.byref(ctypes.c_int(len(words))), self._arguments,
-            ctypes.byref(_String(name, len(name))), ctypes.c_uint32(_NO_SIGINT_HANDLER),
-        )  # fmt: skip
-        self.is_up = library._ZN3ros2okEv
-        """Returns False once shutdown was requested."""
-        self.is_up.restype = ctypes.c_bool
+    Returns:
+        A function that returns False once shutdown was requested.
+    """
+    # The library loaded by the bindings. Its functions have C++ mangled names:
+    # init(int&, char**, const std::string&, uint32_t) and ok().
+    library = ctypes.CDLL(ctypes.util.find_library("roscpp"))
+    words = [os.fsencode(word) for word in sys.argv]
+    init = library._ZN3ros4initERiPPcRKNSt7__cxx1112basic_stringIcSt11char_traitsIcESaIcEEEj
+    init.restype = None
+    init(
+        ctypes.byref(ctypes.c_int(len(words))), (ctypes.c_char_p * (len(words) + 1))(*words),
+        ctypes.byref(_String(name, len(name))), ctypes.c_uint32(_NO_SIGINT_HANDLER),
+    )  # fmt: skip
+    is_up = library._ZN3ros2okEv
+    is_up.restype = ctypes.c_bool
+    return is_up
 
 
 class FleetRviz:
@@ -69,7 +69,7 @@ class FleetRviz:
 
         self._bindings = bindings
         self._application = QApplication(["rviz"])
-        self._node = RosCpp(b"rviz")
+        self._is_up = _roscpp_node(b"rviz")
         self._frame = bindings.VisualizationFrame()
         self._frame.setSplashPath("")
         with _without(b"media_export", b"[librospack]: error while executing command"):
@@ -111,7 +111,7 @@ class FleetRviz:
         return int(self._application.exec_())
 
     def _look(self) -> None:
-        if rospy.is_shutdown() or not self._node.is_up():
+        if rospy.is_shutdown() or not self._is_up():
             self._application.quit()
 
 

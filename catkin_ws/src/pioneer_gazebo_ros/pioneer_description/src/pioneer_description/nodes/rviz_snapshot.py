@@ -16,7 +16,7 @@ import yaml
 
 from pioneer_description.adapters.hidden_rviz import RvizError, hidden_rviz, save
 from pioneer_description.core.fleet_view import fleet_config
-from pioneer_description.core.scene import Mark, SceneError, alone, marks_of, missing, size_of, topic_of, view_of
+from pioneer_description.core.scene import Mark, SceneError, alone, marks_of, missing, size_of, view_of
 from pioneer_description.nodes.fleet_watch import LOOK_EVERY, REPORT_EVERY, FleetWatch
 
 TEMPLATE = Path(rospkg.RosPack().get_path("pioneer_description")) / "rviz" / "multi_pioneer.rviz"
@@ -94,10 +94,10 @@ def _check_master() -> None:
     raise RvizError(f"an RViz runs at {uri} already ({running}), and the fleet's rules serve only one: close it first")
 
 
-def _reasons(unseen: Sequence[Mark], config: Mapping[str, Any]) -> list[str]:
+def _reasons(unseen: Sequence[Mark]) -> list[str]:
     """Returns why marks may be missing: topics of the configuration without a publisher."""
     published = {name for name, _ in rospy.get_published_topics()}
-    silent = [topic for mark in unseen if (topic := topic_of(config, mark)) and topic not in published]
+    silent = [mark.topic for mark in unseen if mark.topic and mark.topic not in published]
     if not silent:
         return ["all their topics are published here; is the robot driving, and in the view?"]
     return [
@@ -128,7 +128,7 @@ def _take(config: Mapping[str, Any], watch: FleetWatch, options: argparse.Namesp
             rospy.rostime.wallsleep(LOOK_EVERY)  # RViz does not signal when it has drawn
     if unseen:
         print(f"rviz_snapshot: not seen in RViz within {options.timeout:g} s: {_words(unseen)}", file=sys.stderr)
-        for reason in _reasons(unseen, config):
+        for reason in _reasons(unseen):
             print(f"rviz_snapshot: {reason}", file=sys.stderr)
         return 1
     print(f"{options.output}: RViz shows all {len(marks)} displays")

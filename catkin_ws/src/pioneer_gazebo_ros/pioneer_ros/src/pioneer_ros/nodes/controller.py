@@ -3,7 +3,7 @@
 from pioneer_node.adapters.node_handle import NodeHandle
 from pioneer_node.nodes.node_host import run
 from pioneer_node.nodes.standing_warning import StandingWarning
-from pioneer_ros.conversions import CommandMessage, message_from_command
+from pioneer_ros.conversions import CommandMessage
 from pioneer_ros.core.controller import ZERO, CommandError, Watchdog, gains_from_parameters
 
 SILENCE = 0.5
@@ -38,7 +38,7 @@ class ControllerNode:
     def _look(self) -> None:
         """Stops the robot if the source has been silent for too long."""
         if self._watchdog.expired(self._node.now()):
-            self._publisher.publish(message_from_command(ZERO))
+            self._publisher.publish(CommandMessage(ZERO))
             self._node.logger.warning("no command for %.1f s while the robot was moving: stopped it", SILENCE)
         if not self._watchdog.armed:
             self._looks.stop()
@@ -51,7 +51,7 @@ class ControllerNode:
             return
         self._refusing.end()
         self._watchdog.command(command != ZERO, self._node.now())
-        self._publisher.publish(message_from_command(command))
+        self._publisher.publish(CommandMessage(command))
         if self._watchdog.armed:
             self._looks.start()
 

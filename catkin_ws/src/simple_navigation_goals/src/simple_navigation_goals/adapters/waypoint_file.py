@@ -1,4 +1,4 @@
-"""The remaining waypoints on disk, from which a restarted client resumes."""
+"""Waypoints on disk: patrols, and the remaining waypoints from which a restarted client resumes."""
 
 import json
 import os
@@ -6,8 +6,30 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from simple_navigation_goals.core.error import QueueFileError, WaypointError
-from simple_navigation_goals.core.waypoint import Waypoint
+import yaml
+
+from simple_navigation_goals.core.patrol import Patrol, PatrolError, patrol_from_mapping
+from simple_navigation_goals.core.waypoint import Waypoint, WaypointError
+
+
+class QueueFileError(ValueError):
+    """The queue file cannot be read or written, or its content is invalid."""
+
+
+def read_patrol(path: Path, frame: str) -> Patrol:
+    """Returns the patrol in the YAML file at ``path``; ``frame`` applies unless the file names another.
+
+    Raises:
+        PatrolError: the file is missing, not YAML, or not a patrol; the message is one line that names the file.
+    """
+    try:
+        return patrol_from_mapping(yaml.safe_load(path.read_text()), frame)
+    except OSError as error:
+        raise PatrolError(f"cannot read the patrol {path}: {error.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise PatrolError(f"the patrol {path} is not valid YAML: {' '.join(str(error).split())}") from None
+    except PatrolError as error:
+        raise PatrolError(f"the patrol {path}: {error}") from None
 
 
 class QueueFile:
