@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 from gateway_msgs import srv
 
@@ -46,7 +47,7 @@ class ServiceHandlers:
 
     def open(self) -> None:
         """Offers the services."""
-        for name, kind, handler in (
+        services: tuple[tuple[str, Any, Callable[[Any], Any]], ...] = (
             ("advertise", srv.Advertise, self._advertise),
             ("advertise_all", srv.AdvertiseAll, self._advertise_all),
             ("flip", srv.Remote, partial(self._remote, "flip")),
@@ -56,7 +57,8 @@ class ServiceHandlers:
             ("connect_hub", srv.ConnectHub, self._connect_hub),
             ("remote_gateway_info", srv.RemoteGatewayInfo, self._remote_gateway_info),
             ("set_watcher_period", srv.SetWatcherPeriod, self._set_watcher_period),
-        ):
+        )
+        for name, kind, handler in services:
             self._node.serve(f"~{name}", kind, handler, may_wait=True)
 
     @property

@@ -162,7 +162,8 @@ class Node:
         self._subscribed: dict[str, TopicSource] = {}
         self._services: dict[str, Service] = {}
         self._watched: dict[str, Callable[[Any], object]] = {}
-        self._unanswered = 0
+        self._unanswered = self._in_flight = 0
+        self._unregister: Callable[[], object] | None = None
         self._is_unheard = self._is_closing = False
         self._registered: list[Callable[[], object]] = []
         self._port = NodePort(context, name, self._published, self._services)
@@ -188,7 +189,13 @@ class Node:
     def unsubscribe(self, topic: str) -> None:
         """Ends a subscription."""
         self._subscribed.pop(topic).close()
-        self._register("unregisterSubscriber", topic, self.uri)
+
+        def unregister() -> None:
+            if topic not in self._subscribed:
+                self._register("unregisterSubscriber", topic, self.uri)
+
+        # The master may execute calls in another order than they were made.
+        self.when_registered(unregister)
 
     def watch(self, parameter: str, changed: Callable[[Any], object]) -> None:
         """Subscribes to a parameter: calls ``changed`` with its value now and whenever it is set.
@@ -229,6 +236,18 @@ class Node:
     def close(self, done: Callable[[], object]) -> None:
         """Unregisters everything from the master, closes all connections, then calls ``done``."""
         self._is_closing = True
+        for source in self._subscribed.values():
+            source.close()
+        # The master may execute calls in another order than they were made.
+        self._unregister = partial(self._unregister_all, done)
+        self._unregister_when_answered()
+
+    def _unregister_when_answered(self) -> None:
+        if not self._in_flight and self._unregister is not None:
+            unregister, self._unregister = self._unregister, None
+            unregister()
+
+    def _unregister_all(self, done: Callable[[], object]) -> None:
         calls = [("unregisterPublisher", topic, self.uri) for topic in self._published]
         calls += [("unregisterSubscriber", topic, self.uri) for topic in self._subscribed]
         calls += [("unregisterService", service, self._service_uri) for service in self._services]
@@ -248,8 +267,6 @@ class Node:
         if not calls:
             close_port()
 
-        for source in self._subscribed.values():
-            source.close()
         for method, *arguments in calls:
             self._context.master.call(method, (self.name, *arguments), answered, answered)
 
@@ -263,9 +280,14 @@ class Node:
 
         def ask() -> None:
             if not self._is_closing:
+                self._in_flight += 1
                 self._context.master.call(method, (self.name, *arguments), answered, failed)
 
         def failed(reason: str) -> None:
+            self._in_flight -= 1
+            self._unregister_when_answered()
+            if self._is_closing:
+                return
             if not isinstance(reason, NoAnswer):
                 self._shut_down(f"{method} of {' '.join(arguments[:2])} failed: {reason}")
                 return
@@ -275,6 +297,10 @@ class Node:
             self._context.reactor.call_later(ASK_AGAIN, ask)
 
         def answered(value: Any) -> None:
+            self._in_flight -= 1
+            self._unregister_when_answered()
+            if self._is_closing:
+                return
             self._is_unheard = False
             done(value)
             self._answered(1)
