@@ -71,6 +71,8 @@ def test_the_state_says_what_a_robot_waits_for(fleet):
     assert state_word(robot) == "waiting for client"
     report(robot)
     assert state_word(robot) == "driving"
+    robot.add_queue(Queue(ClientState.RESTING, 1, 0, 0, ""))
+    assert state_word(robot) == "resting"
     report(robot, reached=1)
     assert state_word(robot) == "done"
 

@@ -14,6 +14,7 @@ _WORDS = {
     ClientState.IDLE: "waiting",
     ClientState.WAITING_FOR_MOVE_BASE: "waiting for move_base",
     ClientState.DRIVING: "driving",
+    ClientState.RESTING: "resting",
 }
 
 _BAR = 24

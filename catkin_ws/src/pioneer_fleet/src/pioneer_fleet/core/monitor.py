@@ -16,6 +16,7 @@ class ClientState(enum.IntEnum):
     IDLE = 0
     WAITING_FOR_MOVE_BASE = 1
     DRIVING = 2
+    RESTING = 3
 
 
 @dataclasses.dataclass(frozen=True)
