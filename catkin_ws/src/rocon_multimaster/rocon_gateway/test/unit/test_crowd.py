@@ -36,7 +36,7 @@ def situation(*gateways: str, also: str = "crowd") -> Situation:
     return Situation(book=book, firewall=False, local=frozenset(), connected=True, names=frozenset([*NAMES, also]))
 
 
-def test_whom_rules_mean_is_looked_for_when_somebody_comes_or_continuesly(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_whom_rules_mean_is_looked_for_when_a_gateway_joins_or_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
     rules = [f"{one}[0-9]" for one in ("crowd99", "absent", "c.*")]
     reconcile(situation(*rules))
     count = Count(monkeypatch, rule, "matches_whole")
