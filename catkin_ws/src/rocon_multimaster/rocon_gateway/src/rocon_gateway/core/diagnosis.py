@@ -72,7 +72,7 @@ def of_advertised_host(gateway: str, host: str, others: Sequence[str]) -> list[F
 
 
 def _is_loopback(host: str) -> bool:
-    return host.startswith("127.") or host == "localhost"
+    return host.startswith("127.") or host in ("localhost", "::1")
 
 
 def of_clock(offset: float, whose: str = "ours") -> Finding:
