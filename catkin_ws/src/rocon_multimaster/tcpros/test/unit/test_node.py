@@ -75,6 +75,17 @@ def test_a_subscription_that_ends_while_it_registers_does_not_stay(master: SlowM
     node = Node(context, "/one", lambda _: None)
     node.subscribe("/words", String, lambda *_: None)
     node.unsubscribe("/words")
-    node.when_registered(lambda: node.when_registered(lambda: node.close(context.reactor.stop)))
+    node.when_registered(lambda: node.close(context.reactor.stop))
+    run_for(context)
+    assert master.executed == ["registerSubscriber", "unregisterSubscriber"]
+
+
+def test_a_node_that_ends_with_a_subscription_that_just_ended_leaves_none(
+    master: SlowMaster, context: NodeContext
+) -> None:
+    node = Node(context, "/one", lambda _: None)
+    node.subscribe("/words", String, lambda *_: None)
+    node.unsubscribe("/words")
+    node.close(context.reactor.stop)
     run_for(context)
     assert master.executed == ["registerSubscriber", "unregisterSubscriber"]

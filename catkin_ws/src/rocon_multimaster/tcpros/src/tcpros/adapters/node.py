@@ -160,6 +160,7 @@ class Node:
         self._shut_down = shut_down
         self._published: dict[str, Publication] = {}
         self._subscribed: dict[str, TopicSource] = {}
+        self._left: set[str] = set()
         self._services: dict[str, Service] = {}
         self._watched: dict[str, Callable[[Any], object]] = {}
         self._unanswered = self._in_flight = 0
@@ -189,13 +190,14 @@ class Node:
     def unsubscribe(self, topic: str) -> None:
         """Ends a subscription."""
         self._subscribed.pop(topic).close()
-
-        def unregister() -> None:
-            if topic not in self._subscribed:
-                self._register("unregisterSubscriber", topic, self.uri)
-
+        self._left.add(topic)
         # The master may execute calls in another order than they were made.
-        self.when_registered(unregister)
+        self.when_registered(self._unregister_left)
+
+    def _unregister_left(self) -> None:
+        left, self._left = self._left - self._subscribed.keys(), set()
+        for topic in left:
+            self._register("unregisterSubscriber", topic, self.uri)
 
     def watch(self, parameter: str, changed: Callable[[Any], object]) -> None:
         """Subscribes to a parameter: calls ``changed`` with its value now and whenever it is set.
@@ -249,7 +251,7 @@ class Node:
 
     def _unregister_all(self, done: Callable[[], object]) -> None:
         calls = [("unregisterPublisher", topic, self.uri) for topic in self._published]
-        calls += [("unregisterSubscriber", topic, self.uri) for topic in self._subscribed]
+        calls += [("unregisterSubscriber", topic, self.uri) for topic in self._subscribed.keys() | self._left]
         calls += [("unregisterService", service, self._service_uri) for service in self._services]
         calls += [("unsubscribeParam", self.uri, parameter) for parameter in self._watched]
         missing = len(calls)
