@@ -2,7 +2,7 @@
 
 import itertools
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import rospy
@@ -53,6 +53,18 @@ class Commander:
         self._robots: dict[str, Robot] = {}
         self.recording = recording
         self._patrols: dict[str, Patrol] = {}
+        self._actions: dict[str, Callable[..., str]] = {
+            "drive": self._drive,
+            "locate": self._locate,
+            "cancel": self._cancel,
+            "stop": self._stop,
+            "release": self._release,
+            "spawn": self._spawn,
+            "simulate": self._simulate,
+            "patrol": self._patrol,
+            "record": self._record,
+            "seek": self._seek,
+        }
         self._seeks = rospy.Publisher("/replay/seek", Float64, queue_size=1)
         self._due: dict[str, list[Pose]] = {}
         self._replacing = threading.Lock()
@@ -68,13 +80,12 @@ class Commander:
         self._robots = self._robots | {robot.name: robot for robot in robots}
 
     def do(self, command: Command) -> str:
-        """Executes a command with the method of its name; returns a message for the user.
+        """Executes a command; returns a message for the user.
 
         Raises:
             CommandError: the command cannot be executed.
         """
-        message: str = getattr(self, f"_{command.do}")(**command.arguments)
-        return message
+        return self._actions[command.do](**command.arguments)
 
     def on_queue(self, robot: Robot) -> None:
         """Sends replacement waypoints once the robot's previous waypoints are cancelled."""
