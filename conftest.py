@@ -1,4 +1,4 @@
-"""Makes property tests draw the same examples in every run, and skips tests of a checkout where only a package is.
+"""Makes property tests draw the same examples in every run, and skips the tests of tools/ without a set-up checkout.
 
 ``./pioneer package --test`` runs the tests against the installed Debian package.
 """
@@ -15,9 +15,9 @@ settings.load_profile("deterministic")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skips tests marked ``checkout`` and those of tools/ if this folder was not set up."""
+    """Skips the tests of tools/ if this folder was not set up."""
     if (ROOT / ".setup" / "venv").exists():
         return
     for item in items:
-        if item.get_closest_marker("checkout") or item.path.is_relative_to(ROOT / "tools"):
+        if item.path.is_relative_to(ROOT / "tools"):
             item.add_marker(pytest.mark.skip(reason="needs a checkout that is set up"))

@@ -1,5 +1,5 @@
 # On a bare machine with the package installed, in a copy of the sources: the packages' tests, against what is installed.
-# Only the tests are of the sources. Those of a checkout (marker `checkout`, tools/test) are skipped.
+# Only the tests are of the sources. Those of a checkout (tools/test) are skipped.
 root=$PWD
 . tools/setup.bash
 apt-get install -yq --no-install-recommends git $(packages_of checks study browser)
