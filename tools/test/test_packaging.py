@@ -2,8 +2,12 @@
 
 import ast
 import re
+import shutil
 import subprocess
 from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
 
 from text_check import ROOT, project_files
 
@@ -48,3 +52,15 @@ def test_programs_that_the_sources_start_are_of_packages_that_the_deb_names() ->
     assert {"ip", "openssl", "ffmpeg"} <= programs
     missing = {one: owners(one) for one in programs if owners(one) and not owners(one) & (named() | EVERYWHERE)}
     assert missing == {}
+
+
+@pytest.mark.parametrize("option", ["--try", "--test"])
+def test_the_package_must_be_built_before_it_is_installed(option: str, tmp_path: Path) -> None:
+    for name in ("packaging/build", "tools/setup.bash", "VERSION"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    command = [str(tmp_path / "packaging/build"), option]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+    version = (ROOT / "VERSION").read_text().strip()
+    told = f"pioneer: no package of version {version} in dist/: run ./pioneer package first\n"
+    assert (done.returncode, done.stderr) == (1, told)

@@ -25,7 +25,7 @@ def run(options: argparse.Namespace) -> int:
     """Runs each setting with one process per number of robots; returns 0 if every goal is met, else 1."""
     found: dict[str, list[Run]] = {}
     sections = []
-    for name in options.setting:
+    for name in dict.fromkeys(options.setting):
         found[name] = []
         rates = _rates(SETTINGS[name], options)
         for robots in rates.robots:

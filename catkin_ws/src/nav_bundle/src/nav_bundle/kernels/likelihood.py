@@ -24,8 +24,8 @@ class Field(NamedTuple):
 def distance_field(cells: Array2[np.int8], occupied: int, cap: int, out: Array2[np.uint16]) -> None:
     """Writes each cell's squared distance [cells²] to the nearest ``occupied`` cell, at most ``cap`` squared.
 
-    Exact Euclidean distance in two passes (Meijster, Roerdink and Hesselink 2000): along columns, then along rows by
-    the lower envelope of parabolas. ``cap`` is at most 255, so that squares fit into uint16.
+    Exact Euclidean distance in two passes: along columns (Meijster, Roerdink and Hesselink 2000), then along rows by
+    `envelope`. ``cap`` is at most 255, so that squares fit into uint16.
     """
     rows, cols = cells.shape
     for col in range(cols):

@@ -78,7 +78,7 @@ def clutter(seed: int, count: int = 30, side: float = 12.0, goals: int = 8) -> C
         free = all(math.hypot(x - cx, y - cy) - radius > _ROOM_FOR_ROBOT for cx, cy, radius in circles)
         if free and (not places or 3.0 < places[-1].distance(Pose(x, y)) < 9.0):
             places.append(Pose(x, y, yaw))
-    hidden = Section(np.empty((0, 4)), np.array(circles))
+    hidden = Section(np.empty((0, 4)), np.array(circles).reshape(-1, 3))
     return Course(tuple(room(side, side)), places[0], tuple(places[1:]), hidden)
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from pioneer_gazebo.core.drive import CommandError
 from pioneer_gazebo.core.engine import Engine, EngineError, Physics, Velocity
 from pioneer_gazebo.core.error import BoundError, ModelError
 from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.robot import Robot
+from pioneer_gazebo.core.robot import DiffDrive, Robot
 from pioneer_gazebo.core.schedule import TICK_RATE, RateError
 from pioneer_gazebo.core.simulation import Simulation
 from pioneer_gazebo.core.world import Collision, Cylinder, Link, Model, Sphere, World
@@ -55,6 +56,14 @@ def test_odometry_on_wheels_that_never_slip_is_the_truth(simulation: Simulation,
         pose, odometry = simulation.pose(entity), simulation.odometry(entity.drives[0])
         assert pose.position[0] == pytest.approx(odometry.x, abs=1e-4)
         assert pose.position[1] == pytest.approx(odometry.y, abs=1e-4)
+
+
+def test_a_robot_whose_drive_is_refused_leaves_nothing_behind(simulation: Simulation, robot: Robot) -> None:
+    devices = [replace(one, wheelDiameter=0.0) if isinstance(one, DiffDrive) else one for one in robot.devices]
+    with pytest.raises(CommandError, match="must be above 0"):
+        simulation.add_robot("r", "r", replace(robot, devices=tuple(devices)), Pose())
+    assert simulation.names() == []
+    simulation.add_robot("r", "r", robot, Pose())
 
 
 def test_fixed_joints_are_lumped_and_wheels_become_balls(robot: Robot) -> None:

@@ -40,7 +40,7 @@ def targets_from_graph(publishers: Graph, subscribers: Graph, services: Graph, o
     return Targets(
         commands=frozenset(used("/pioneer/cmd_vel", publishers, subscribers)),
         actions=frozenset(name.removesuffix("/cancel") for name in used("/move_base/cancel", subscribers)),
-        clears=frozenset(f"{name}/clear" for name in clients) & services.keys(),
+        clears=frozenset(f"{name}/clear" for name in clients if f"{name}/clear" in services),
     )
 
 

@@ -185,7 +185,11 @@ UPRIGHT = 0.9
 
 
 def carriers(placed: Sequence[PlacedCollision], meshes: MeshShapes) -> list[int]:
-    """Creates fixed bodies for all tops; returns their pybullet handles."""
+    """Creates fixed bodies for the tops of obstacles, which wheels roll on; returns their pybullet handles.
+
+    A wheel is a ball wider than the real wheel, so it must not collide with an obstacle's sides: thin slabs, or a
+    mesh's upward-facing triangles, stand for the tops and collide with wheels only.
+    """
     slabs = [slab for one in placed if (slab := _slab(one)) is not None]
     made = [standing_body(batch, meshes) for batch in batches(slabs)]
     for one in placed:

@@ -105,7 +105,7 @@ class Element:
         return found
 
     def needed(self, tag: str) -> "Element":
-        """Returns the first child with this tag.
+        """Returns the first child with this tag, or the descendant at a path, as `child`.
 
         Raises:
             DescriptionError: there is no such child.
@@ -150,7 +150,7 @@ class Element:
         return value
 
     def number(self, tag: str, default: float | None = None) -> float:
-        """Returns the number in child ``tag``, or ``default`` if there is no such child.
+        """Returns the number in child ``tag`` (or path), or ``default`` if there is no such child.
 
         Raises:
             DescriptionError: the number is not finite, or there is neither a child nor a default.
@@ -162,7 +162,7 @@ class Element:
         return found.numbers(1)[0]
 
     def positive(self, tag: str, default: float | None = None) -> float:
-        """Returns the number in child ``tag``; raises DescriptionError unless it is positive."""
+        """Returns the number in child ``tag`` (or path); raises DescriptionError unless it is positive."""
         value = self.number(tag, default)
         if value <= 0:
             raise self.needed(tag).error(f"must be above 0, not {value:g}")
@@ -210,6 +210,6 @@ class Element:
         return word in TRUE
 
     def word(self, tag: str, default: str) -> str:
-        """Returns the text in child ``tag``, or ``default`` if absent or empty."""
+        """Returns the text in child ``tag`` (or path), or ``default`` if absent or empty."""
         found = self.child(tag)
         return (found.text if found is not None else "") or default

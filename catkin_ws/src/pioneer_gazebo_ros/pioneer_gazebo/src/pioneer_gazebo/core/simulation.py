@@ -16,7 +16,7 @@ from pioneer_gazebo.core.body import Body, body_from_model, body_from_robot
 from pioneer_gazebo.core.drive import Odometry
 from pioneer_gazebo.core.engine import STILL, Contact, Engine, Physics, Velocity
 from pioneer_gazebo.core.entity import CollisionCounter, Driven, Entity, Mounted, control, equip
-from pioneer_gazebo.core.error import ModelError
+from pioneer_gazebo.core.error import ModelError, SimulatorError
 from pioneer_gazebo.core.laser import generator_for
 from pioneer_gazebo.core.pose import Pose, between
 from pioneer_gazebo.core.robot import Robot
@@ -167,7 +167,11 @@ class Simulation:
             raise ModelError(f"model {name} at ({x:.2f}, {y:.2f}) would overlap {inside} by {found.depth:.2f} m")
         handle, pose = found
         entity = self._keep(Entity(name, namespace, body, handle, pose, robot, after=pose))
-        equip(entity, self._seed, self._odometry_error, self._odometry_scale)
+        try:
+            equip(entity, self._seed, self._odometry_error, self._odometry_scale)
+        except SimulatorError:
+            self.remove(name)
+            raise
         for driven in entity.drives:
             driven.turn(self._engine, (0.0, 0.0))
         return entity

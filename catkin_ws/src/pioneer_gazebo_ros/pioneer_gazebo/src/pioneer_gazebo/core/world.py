@@ -20,7 +20,10 @@ class Waypoint:
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """A path through waypoints; the model waits at the first waypoint until its time."""
+    """A path through waypoints (SDF's ``<actor><script>``); the model waits at the first waypoint until its time.
+
+    As in Gazebo, positions follow a cardinal spline; rotations are interpolated the short way.
+    """
 
     waypoints: tuple[Waypoint, ...]  #: one or more, with increasing times >= 0
     #: 0 (Catmull-Rom, which may overshoot corners) … 1 (straight lines, slowing down at each waypoint)
