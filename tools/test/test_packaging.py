@@ -1,4 +1,4 @@
-"""The Debian package depends on all programs that the sources start."""
+"""The Debian package: it depends on all programs that the sources start, and is built before it is tried."""
 
 import ast
 import re
