@@ -138,10 +138,10 @@ def test_exit_status_is_the_programs(machine: Machine, ending: str, status: int)
 def test_signals_reach_the_program(machine: Machine, number: signal.Signals) -> None:
     text = """
         import signal, sys
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda number, _: sys.exit(number))
+        numbers = signal.SIGTERM, signal.SIGINT
+        signal.pthread_sigmask(signal.SIG_BLOCK, numbers)  # a handler could come just before an endless wait
         print("ready", flush=True)
-        signal.pause()
+        sys.exit(signal.sigwait(numbers))
     """
     with machine.running(text) as process:
         assert line_of(process) == ["ready"]
