@@ -2,7 +2,7 @@
 # Only the tests are of the sources. Those of a checkout (tools/test) are skipped.
 root=$PWD
 . tools/setup.bash
-apt-get install -yq --no-install-recommends git $(packages_of checks study browser)
+apt-get install -yq --no-install-recommends git $(packages_of plot network checks study browser)
 # The page's tests are clients of it: they need some of its libraries.
 printf '%s\n' /checks /usr/lib/pioneer/web >"$(python3 -c 'import site; print(site.getsitepackages()[0])')/checks.pth"
 # rostest and roslaunch look for a package's test files in its installed folder.

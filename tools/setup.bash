@@ -13,9 +13,13 @@ die() {
   exit 1
 }
 
-# as_root COMMAND...: runs the command as root, through sudo if necessary.
+# as_root COMMAND...: runs the command as root, through sudo if necessary. sudo drops the proxy's variables unless told.
 as_root() {
-  if [[ $EUID -eq 0 ]]; then "$@"; else sudo "$@"; fi
+  if [[ $EUID -eq 0 ]]; then
+    "$@"
+  else
+    sudo --preserve-env=http_proxy,https_proxy,ftp_proxy,no_proxy,HTTP_PROXY,HTTPS_PROXY,NO_PROXY "$@"
+  fi
 }
 
 # step LABEL LOG COMMAND...: runs a long command with its output in LOG; shows label, seconds and the log's last line.
@@ -88,13 +92,68 @@ missing_packages() {
     <(dpkg-query -W -f '${Package} ${db:Status-Status}\n' "$@" 2>/dev/null | awk '$2 == "installed" {print $1}' | sort)
 }
 
-apt_install() {
-  export DEBIAN_FRONTEND=noninteractive
+apt_update() {
   # An interrupted dpkg refuses everything until it has finished what it began.
   as_root env DEBIAN_FRONTEND=noninteractive dpkg --configure -a
   as_root apt-get update -q
+}
+
+apt_install() {
   # redis-server and rviz must not start services or ask questions here; recommendations would double the size.
   as_root env DEBIAN_FRONTEND=noninteractive RUNLEVEL=1 apt-get install -yq --no-install-recommends "$@"
+}
+
+# sections_of COMMAND WORD...: prints the sections of apt-packages.txt and requirements.txt that a command of ./pioneer
+# needs beyond build and run, which all of them need.
+sections_of() {
+  local command=$1 word
+  shift
+  case $command in
+    demo) echo plot ;;
+    run-scenario) echo plot network ;;
+    experiment) echo plot network record study ;;
+    bench) echo plot network view web record checks ;;
+    replay) echo record ;;
+    # What the tutorial's steps start from a shell.
+    setup | shell) echo plot network view ;;
+    rviz) echo view ;;
+    test) echo plot network view web record video checks study browser ;;
+  esac
+  for word; do
+    case $command:$word in
+      demo:--we* | fleet:--we* | run-scenario:--we* | replay:--we*) echo web record ;;
+      demo:--rec* | fleet:--rec* | run-scenario:--rec*) echo record ;;
+      demo:--vi* | run-scenario:--vi*) echo video ;;
+      run:*rviz*) echo view ;;
+      run:*fleet_page*) echo web record ;;
+    esac
+  done
+}
+
+# title_of SECTION: prints what the section's packages are for, in words for progress lines.
+title_of() {
+  case $1 in
+    build) echo 'the build' ;;
+    run) echo 'ROS and the hub' ;;
+    view) echo 'RViz' ;;
+    plot) echo 'plots' ;;
+    web) echo 'the fleet page' ;;
+    video) echo 'videos' ;;
+    network) echo 'network faults' ;;
+    checks) echo 'tests' ;;
+    study) echo 'studies' ;;
+    browser) echo 'a browser' ;;
+    *) echo "$1" ;;
+  esac
+}
+
+# titles_lacking SECTION...: prints the titles of those sections of which packages are missing, as a list.
+titles_lacking() {
+  local section text=''
+  for section; do
+    [[ -z $(missing_packages $(packages_of "$section")) ]] || text+=${text:+, }$(title_of "$section")
+  done
+  printf '%s\n' "$text"
 }
 
 # packages_of SECTION...: prints the packages in these sections of apt-packages.txt.
@@ -102,9 +161,20 @@ packages_of() {
   awk -v "names= $* " '/^## /{on = index(names, " "$2" ")} on && /^[a-z]/' "$root/apt-packages.txt"
 }
 
-# install_packages PACKAGE...: installs those that are missing.
+# requirements_of SECTION...: prints the requirements in these sections of requirements.txt.
+requirements_of() {
+  awk -v "names= $* " '/^## /{on = index(names, " "$2" ")} on && /^[A-Za-z]/' "$root/requirements.txt"
+}
+
+# download_size PACKAGE...: prints what apt would fetch for these packages, such as "61 MB"; nothing if apt cannot tell.
+download_size() {
+  { apt-get install -yq --no-install-recommends --print-uris "$@" 2>/dev/null || true; } |
+    awk '/^\x27/ {size += $3} END {if (size) printf "%.0f MB\n", size / 1e6}'
+}
+
+# install_packages PACKAGE...: installs those that are missing. $packages_title, if set, says what for.
 install_packages() {
-  local missing
+  local missing size
   mapfile -t missing < <(missing_packages "$@")
   ((${#missing[@]})) || return 0
   check_disk
@@ -112,28 +182,65 @@ install_packages() {
     die "Debian packages are missing (${missing[*]:0:3} …); run this once as root, or install sudo"
   # Ask for the password here, where a person can answer; the step below has no terminal.
   [[ $EUID -eq 0 ]] || sudo -v || die "Debian packages are missing (${missing[*]:0:3} …) and sudo refused"
-  step "Installing ${#missing[@]} Debian packages" "$setup_dir/log/apt.log" apt_install "${missing[@]}"
+  step "Updating the package lists" "$setup_dir/log/apt-update.log" apt_update
+  size=$(download_size "${missing[@]}")
+  step "Installing Debian packages for ${packages_title:-this command}${size:+ ($size)}" "$setup_dir/log/apt.log" \
+    apt_install "${missing[@]}"
 }
 
+# install_sections SECTION...: installs the packages that are missing of these sections of apt-packages.txt.
+install_sections() {
+  [[ -n $(missing_packages $(packages_of "$@")) ]] || return 0
+  local packages_title
+  packages_title=$(titles_lacking "$@")
+  install_packages $(packages_of "$@")
+}
+
+# make_venv: makes the Python environment if there is none, without packages of PyPI.
 make_venv() {
-  rm -rf "$venv"
   # The python3 on the PATH may be one that cannot import rospy (anaconda, pyenv); Debian's can.
-  /usr/bin/python3 -m venv --system-site-packages "$venv"
+  [[ -f $venv/pyvenv.cfg ]] || /usr/bin/python3 -m venv --system-site-packages "$venv"
+}
+
+# pip_install SECTION...: installs these sections of requirements.txt into the Python environment.
+pip_install() {
+  local list
+  list=$(mktemp)
+  requirements_of "$@" >"$list"
   # --no-deps: the requirements list is complete, and Debian's numpy must not be shadowed.
   # PyPI has no wheel of pybullet for Debian 13's Python 3.13: pip compiles it, and GCC 14 rejects its C otherwise.
   CFLAGS="${CFLAGS:-} -Wno-incompatible-pointer-types" \
-    "$venv/bin/pip" install --disable-pip-version-check --no-deps -r "$root/requirements.txt"
+    "$venv/bin/pip" install --disable-pip-version-check --no-deps -r "$list"
+  rm -f "$list"
+  # pybullet's example robots and environments: 150 MB that nothing here reads.
+  rm -rf "$venv"/lib/python3.*/site-packages/pybullet_{data,envs,examples,robots,utils}
 }
 
-prepare_venv() {
-  local stamp
-  stamp=$(sha256sum "$root/requirements.txt")$(/usr/bin/python3 -V)$root
-  [[ -f $venv/stamp && $(<"$venv/stamp") == "$stamp" ]] && return 0
-  check_disk
-  local label='Installing Python packages'
-  /usr/bin/python3 -c 'import sys; sys.exit(sys.version_info >= (3, 12))' || label+=' (compiles pybullet, some 10 min)'
-  step "$label" "$setup_dir/log/pip.log" make_venv
-  printf '%s' "$stamp" >"$venv/stamp"
+# venv_stamp SECTION: prints what decides whether a section of the environment must be installed again.
+venv_stamp() {
+  requirements_of "$1" | sha256sum
+  /usr/bin/python3 -V
+  printf '%s\n' "$root"
+}
+
+# venv_lacks SECTION: tells whether the environment lacks this section, or has it as another checkout or Python left it.
+venv_lacks() {
+  [[ ! -f $venv/sections/$1 || $(<"$venv/sections/$1") != "$(venv_stamp "$1")" ]]
+}
+
+# lacking_sections SECTION...: prints which of the section run and of these the Python environment lacks.
+lacking_sections() {
+  local section
+  for section in run "$@"; do
+    if [[ $section == run || -n $(requirements_of "$section") ]] && venv_lacks "$section"; then printf '%s\n' "$section"; fi
+  done
+}
+
+# stamp_sections SECTION...: records that the Python environment has these sections.
+stamp_sections() {
+  local section
+  mkdir -p "$venv/sections"
+  for section; do venv_stamp "$section" >"$venv/sections/$section"; done
 }
 
 # workspace_read TEST...: lists the files whose content the build reads; TESTs are find expressions, such as -printf.
@@ -161,7 +268,8 @@ workspace_state() {
 make_workspace() {
   # Build with the venv's interpreter, which catkin writes into every script: Debian 12's catkin reads the first name,
   # Debian 13's the second.
-  (cd "$workspace" && catkin_make -j"$(nproc)" -D{PYTHON,Python}_EXECUTABLE="$venv/bin/python3" -DCATKIN_ENABLE_TESTING=OFF "$@")
+  # Messages for Lisp and JavaScript take time and space, and no node here uses them.
+  (cd "$workspace" && ROS_LANG_DISABLE=${ROS_LANG_DISABLE-genlisp:geneus:gennodejs} catkin_make -j"$(nproc)" -D{PYTHON,Python}_EXECUTABLE="$venv/bin/python3" -DCATKIN_ENABLE_TESTING=OFF "$@")
 }
 
 # make_and_compile: the same, and compiles Python's bytecode: if the environment forbids Python to write it, every start
@@ -171,14 +279,51 @@ make_and_compile() {
   "$venv/bin/python3" -m compileall -q -j0 "$workspace/src" "$workspace/devel/lib/python3/dist-packages"
 }
 
-build_workspace() {
-  local state
+# workspace_lacks STATE: tells whether the workspace is not built from sources of this state.
+workspace_lacks() {
+  [[ ! -f $setup_dir/workspace.stamp || ! -f $workspace/devel/setup.bash || $(<"$setup_dir/workspace.stamp") != "$1" ]]
+}
+
+# install_and_make SECTION...: installs sections of requirements.txt while the workspace is built, which needs nothing of
+# them but the environment's interpreter.
+install_and_make() {
+  local pip make failed=0
+  make_venv
+  pip_install "$@" &
+  pip=$!
+  make_and_compile &
+  make=$!
+  wait "$pip" || failed=$?
+  wait "$make" || failed=$?
+  return "$failed"
+}
+
+install_python() {
+  make_venv
+  pip_install "$@"
+}
+
+# prepare_python_and_workspace SECTION...: the Python environment with the section run and these, and the workspace.
+prepare_python_and_workspace() {
+  local lacking state build='' compiles=''
+  # Another Python, another folder or an interrupted installation: the environment is made again as a whole.
+  if venv_lacks run; then rm -rf "$venv"; fi
+  mapfile -t lacking < <(lacking_sections "$@")
   state=$(workspace_state)
-  [[ -f $setup_dir/workspace.stamp && -f $workspace/devel/setup.bash && $(<"$setup_dir/workspace.stamp") == "$state" ]] && return 0
+  if workspace_lacks "$state"; then build=yes; fi
+  [[ -n $build || ${#lacking[@]} -gt 0 ]] || return 0
   check_disk
-  rm -f "$setup_dir/workspace.stamp"
-  step "Building the workspace" "$setup_dir/log/build.log" make_and_compile
-  printf '%s' "$state" >"$setup_dir/workspace.stamp"
+  /usr/bin/python3 -c 'import sys; sys.exit(sys.version_info >= (3, 12))' || compiles=' (compiles pybullet, some 10 min)'
+  [[ -z $build ]] || rm -f "$setup_dir/workspace.stamp"
+  if [[ -z $build ]]; then
+    step "Installing Python packages$compiles" "$setup_dir/log/pip.log" install_python "${lacking[@]}"
+  elif ((${#lacking[@]})); then
+    step "Installing Python packages$compiles and building the workspace" "$setup_dir/log/build.log" install_and_make "${lacking[@]}"
+  else
+    step "Building the workspace" "$setup_dir/log/build.log" make_and_compile
+  fi
+  stamp_sections "${lacking[@]}"
+  [[ -z $build ]] || printf '%s' "$state" >"$setup_dir/workspace.stamp"
 }
 
 # Under sudo, gives what was built to the user who called sudo, so that the next run works without it.
@@ -189,17 +334,15 @@ give_back() {
     xargs -0 chown -hR "$SUDO_UID:${SUDO_GID:-$SUDO_UID}" "$setup_dir" "$workspace/build" "$workspace/devel" "$workspace/src/CMakeLists.txt"
 }
 
-# setup [SECTION...]: the whole set-up, including these sections of the on-demand packages.
+# setup [SECTION...]: the whole set-up, including these sections of the packages.
 setup() {
   check_system
   mkdir -p "$setup_dir"
   exec {lock}>"$setup_dir/lock"
   flock -n "$lock" || { printf 'Waiting for another set-up of this checkout …\n'; flock "$lock"; }
   local before=$SECONDS
-  install_packages $(sed '/^# On demand/Q' "$root/apt-packages.txt" | grep -vE '^\s*(#|$)')
-  ((!$#)) || install_packages $(packages_of "$@")
-  prepare_venv
-  build_workspace
+  install_sections build run "$@"
+  prepare_python_and_workspace "$@"
   ((SECONDS - before > 1)) && give_back
   exec {lock}>&-
 }

@@ -40,8 +40,8 @@ _CHOICE = (
     *("--platform", "manylinux2014_x86_64", "--platform", "manylinux_2_28_x86_64"),
 )
 """pip options that select packages for the image's Debian 12."""
-_SECTIONS: dict[str, tuple[str, ...]] = {DESKTOP: (), WEB: ("web", "study")}
-"""Sections of the requirements for the extras: the page with recordings; foxglove-sdk is only for tests."""
+_SECTIONS: dict[str, tuple[str, ...]] = {DESKTOP: (), WEB: ("web", "record")}
+"""Sections of the requirements for the extras: the page with recordings."""
 _LONG_STAGES = ("packages", "build")
 """Stages of the fleet's image that do not depend on each other."""
 
@@ -84,9 +84,7 @@ def ensure_extra_image(extra: str, base: str) -> None:
         ContainerError: a step failed.
     """
     name, file = f"{base}-{extra}", f"docker/Dockerfile.{extra}"
-    packages = [one for section in _SECTIONS[extra] for one in requirements(section) if "foxglove-sdk" not in one]
-    # The checks need it too, so it is listed in their section.
-    packages += [one for one in requirements("checks") if extra == WEB and one.startswith("click==")]
+    packages = [one for section in _SECTIONS[extra] for one in requirements(section)]
     found = hashlib.sha256(output("docker", "image", "inspect", "-f", "{{.Id}}", base).encode())
     found.update((ROOT / file).read_bytes() + " ".join(packages).encode())
     sources = found.hexdigest()[:32]

@@ -63,10 +63,41 @@ def test_an_interrupted_environment_is_made_again(tmp_path: Path) -> None:
     (tmp_path / "requirements.txt").write_text("")
     (tmp_path / ".setup" / "venv").mkdir(parents=True)
     (tmp_path / ".setup" / "venv" / "half").write_text("done")
-    result = run_bash("prepare_venv; prepare_venv", tmp_path)
+    (tmp_path / "catkin_ws" / "src").mkdir(parents=True)
+    built = "make_and_compile() { mkdir -p $workspace/devel; touch $workspace/devel/setup.bash; }"
+    result = run_bash(f"{built}; prepare_python_and_workspace; prepare_python_and_workspace", tmp_path)
     assert result.returncode == 0, result.stderr
     assert not (tmp_path / ".setup" / "venv" / "half").exists()
     assert result.stdout.count("done in") == 1
+
+
+@pytest.mark.parametrize(
+    ("command", "sections"),
+    [
+        ("demo --robots 2", {"plot"}),
+        ("demo --web --record run.mcap", {"plot", "web", "record"}),
+        ("demo --video run.mp4", {"plot", "video"}),
+        ("fleet --robots 2", set()),
+        ("run rostopic list", set()),
+        ("run roslaunch pioneer_description multi_pioneer_rviz.launch", {"view"}),
+        ("shell", {"plot", "network", "view"}),
+    ],
+)
+def test_a_command_installs_only_the_sections_that_it_needs(tmp_path: Path, command: str, sections: set[str]) -> None:
+    result = run_bash(f"sections_of {command}", tmp_path)
+    assert set(result.stdout.split()) == sections, result.stderr
+
+
+def test_sections_of_commands_are_sections_of_the_lists(tmp_path: Path) -> None:
+    commands = ("demo --web --video x", "replay", "experiment", "bench", "test", "setup", "shell", "run rviz")
+    needed = run_bash("; ".join(f"sections_of {command}" for command in commands), tmp_path).stdout.split()
+    lists = [(ROOT / name).read_text() for name in ("apt-packages.txt", "requirements.txt")]
+    known = {line[3:] for text in lists for line in text.splitlines() if line.startswith("## ")}
+    assert needed
+    assert set(needed) <= known
+    # The command that runs all checks leaves no section out.
+    everything = set(run_bash("sections_of test", tmp_path).stdout.split())
+    assert everything | {"build", "run"} == known
 
 
 def test_an_interrupt_ends_the_running_step_and_reports_it(tmp_path: Path) -> None:
