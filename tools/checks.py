@@ -167,6 +167,31 @@ def _reap(checks: set[int]) -> None:
         return
 
 
+@dataclass(frozen=True)
+class TestCase:
+    """One test of a check, as its JUnit file describes it; ``skipped`` is the reason, if it was skipped."""
+
+    __test__ = False  # for pytest, which collects classes of such a name
+
+    check: str
+    name: str
+    seconds: float
+    skipped: str | None = None
+
+
+def cases_of(check: Check) -> Iterator[TestCase]:
+    """Yields the tests in the check's JUnit files; files that cannot be read have been counted as failures."""
+    for path in check.results.rglob("*.xml") if check.results else ():
+        try:
+            root = ElementTree.parse(path).getroot()
+        except ElementTree.ParseError:
+            continue
+        for case in root.iter("testcase"):
+            skipped = case.find("skipped")
+            reason = None if skipped is None else skipped.get("message") or "no reason given"
+            yield TestCase(check.name, case.get("name", "?"), float(case.get("time") or 0.0), reason)
+
+
 def counted(check: Check, status: int) -> Count:
     """Counts the tests in the check's JUnit files; adds a failure if a failed check shows none, or if no test ran.
 

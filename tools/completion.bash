@@ -8,7 +8,7 @@ _pioneer() {
   elif [[ ${COMP_WORDS[COMP_CWORD - 1]} == --world ]]; then
     words=$(cd "$folder/catkin_ws/src/pioneer_gazebo_ros/pioneer_gazebo/worlds" && printf '%s\n' *.world | sed 's/\.world$//')
   elif [[ $word != -* && $command == test ]]; then
-    words="lint types unit launch rostest e2e containers"
+    words="changed lint types unit launch rostest e2e containers"
   elif [[ $word != -* && $command == bench ]]; then
     words=$("$pioneer" bench --help | sed -nE 's/^    ([a-z]+)\b.*/\1/p')
   elif [[ $word != -* && $command == teleop ]]; then

@@ -12,11 +12,13 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from checks import LOG, ROOT, Check, Count, run
+from affected import ChangeError, affected, changed_files, modules_below
+from checks import LOG, ROOT, Check, Count, TestCase, cases_of, run
 from containers.engine import ContainerError, compose_command
 from pioneer_harness.proc import processors
 from text_check import CHECKS
@@ -33,6 +35,13 @@ LONG = {
     "fuzz": "hostile input for --minutes at a fleet that drives",
 }
 """Options that run something else instead of the stages."""
+QUICK = ("lint", "types", "unit", "launch")
+"""Stages of --quick: those that start no fleet."""
+CHANGED = "changed"
+"""Runs the unit tests that a change may affect; only on request."""
+SLOWEST_SHOWN = 10
+SLOW_SECONDS = 1.0
+"""A test that takes less is not listed as slow [s]."""
 SWARM = "swarm"
 """Folder of container tests that run only on request; also the option's name."""
 CONTAINERS_ENDING_SECONDS = 60.0
@@ -76,13 +85,38 @@ def unit() -> Iterator[Check]:
 
     A subfolder holds tests that mostly wait for sockets: each of its files is a check, so that they wait in parallel.
     """
-    tools = ROOT / "tools" / "test"
     for folder in sorted(path for path in SOURCE.rglob("test/unit") if path.is_dir()):
         name = f"{folder.parent.parent.name}/unit"
         for path in sorted(folder.glob("*/test_*.py")):
             yield pytest_check(f"{name}/{path.stem.removeprefix('test_')}", [path])
         yield pytest_check(name, sorted(folder.glob("test_*.py")))
-    yield pytest_check("tools/unit", [path for path in sorted(tools.glob("test_*.py")) if path != LAUNCH_FILES])
+    yield pytest_check("tools/unit", _unit_tests_of_tools())
+
+
+def affected_by_change(base: str) -> Iterator[Check]:
+    """Yields ruff, and the unit tests that may be affected by the files that differ from the commit ``base``.
+
+    Raises:
+        ChangeError: git cannot say what differs.
+    """
+    changed = [path for path in changed_files(ROOT, base) if path.suffix == ".py" and path.exists()]
+    if not changed:
+        return
+    yield Check("ruff check", [str(VENV / "ruff"), "check", "--no-cache", *map(str, changed)])
+    modules = modules_below([*python_roots(), ROOT / "tools"])
+    for folder in sorted(path for path in SOURCE.rglob("test/unit") if path.is_dir()):
+        name = f"{folder.parent.parent.name}/unit"
+        tests = affected(sorted(folder.rglob("test_*.py")), changed, modules)
+        if tests:
+            yield pytest_check(name, tests)
+    tests = affected(_unit_tests_of_tools(), changed, modules)
+    if tests:
+        yield pytest_check("tools/unit", tests)
+
+
+def _unit_tests_of_tools() -> list[Path]:
+    folder = ROOT / "tools" / "test"
+    return [path for path in sorted(folder.glob("test_*.py")) if path != LAUNCH_FILES]
 
 
 def launch() -> Iterator[Check]:
@@ -208,9 +242,24 @@ def run_stage(name: str, checks: Sequence[Check], at_once: int) -> Count:
     print(f"{name:10} {'FAILED' if failures else 'ok':6}  {total}  ({time.monotonic() - started:.0f} s)", flush=True)
     for check, count in failures:
         print(f"  {check.name}: {count.failed} failed; log: {check.log.relative_to(ROOT)}")
+        print(f"  again: ./pioneer test {name} --only '{check.name}'")
         for line in check.log.read_text(errors="replace").splitlines()[-SHOWN_LINES:]:
             print(f"    {line}")
     return total
+
+
+def summary(cases: Iterable[TestCase]) -> Iterator[str]:
+    """Yields lines that give the reasons for skipped tests, and the slowest tests."""
+    cases = list(cases)
+    reasons = Counter(case.skipped for case in cases if case.skipped is not None)
+    for reason, count in reasons.most_common():
+        yield f"skipped {count}: {reason}"
+    slowest = sorted(cases, key=lambda case: -case.seconds)[:SLOWEST_SHOWN]
+    slow = [case for case in slowest if case.seconds >= SLOW_SECONDS]
+    if slow:
+        yield f"the slowest of {len(cases)} tests:"
+    for case in slow:
+        yield f"  {case.seconds:6.1f} s  {case.check}: {case.name}"
 
 
 def show_progress(text: str) -> None:
@@ -246,11 +295,15 @@ def arguments_from(words: Sequence[str] | None) -> argparse.Namespace:
         description=(__doc__ or "").splitlines()[0],
         epilog="example: ./pioneer test rostest --only amcl",
     )
-    parser.add_argument("stages", nargs="*", metavar="STAGE", help=f"one of {', '.join(STAGES)}; all by default")
+    parser.add_argument("stages", nargs="*", metavar="STAGE", help=f"one of {', '.join(STAGES)}; all by default. "
+        f"{CHANGED}: only ruff and the unit tests that uncommitted changes may affect")  # fmt: skip
+    parser.add_argument("--since", default="HEAD", metavar="COMMIT",
+        help=f"with {CHANGED}: compare with this commit (%(default)s)")  # fmt: skip
     parser.add_argument("--only", default="", metavar="TEXT", help="only the checks whose name contains TEXT")
     parser.add_argument("--jobs", type=int, default=min(int(processors()) + 1, MOST_AT_ONCE), metavar="N",
         help="checks side by side (default here: %(default)s)")  # fmt: skip
     alone = parser.add_mutually_exclusive_group()
+    alone.add_argument("--quick", action="store_true", help=f"only {', '.join(QUICK)}: before every commit")
     for name, what in LONG.items():
         alone.add_argument(f"--{name}", dest="long", action="store_const", const=name, help=f"only {what}")
     alone.add_argument(f"--{SWARM}", action="store_true", help="with the stage containers: only the faults of machines "
@@ -258,12 +311,18 @@ def arguments_from(words: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--minutes", type=float, metavar="N", help="of --soak (180) or --fuzz (30)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of --soak or --fuzz (%(default)s)")
     arguments = parser.parse_args(words)
+    if arguments.stages == [CHANGED]:
+        STAGES[CHANGED] = Stage(lambda: affected_by_change(arguments.since))
     unknown = set(arguments.stages) - set(STAGES)
     if unknown:
         parser.error(f"no stage {', '.join(sorted(unknown))}; there are {', '.join(STAGES)}")
     name = arguments.long
     if name and arguments.stages:
         parser.error(f"--{name} runs only what takes long: it takes no stage, not {', '.join(arguments.stages)}")
+    if arguments.quick:
+        if arguments.stages:
+            parser.error(f"--quick chooses the stages itself: it takes none, not {', '.join(arguments.stages)}")
+        arguments.stages = list(QUICK)
     if arguments.swarm:
         if arguments.stages != ["containers"]:
             parser.error(f"--{SWARM} is for one stage: ./pioneer test containers --{SWARM}")
@@ -280,10 +339,17 @@ def arguments_from(words: Sequence[str] | None) -> argparse.Namespace:
 def main(words: Sequence[str] | None = None) -> int:
     """Runs the stages named on the command line, all by default; returns the exit status."""
     arguments = arguments_from(words)
-    stages = {
-        name: [check for check in STAGES[name].checks() if arguments.only in check.name]
-        for name in arguments.stages or STAGES
-    }
+    try:
+        stages = {
+            name: [check for check in STAGES[name].checks() if arguments.only in check.name]
+            for name in arguments.stages or STAGES
+        }
+    except ChangeError as error:
+        print(error, file=sys.stderr)
+        return 2
+    if CHANGED in stages and not any(stages.values()):
+        print(f"no Python file differs from {arguments.since}")
+        return 0
     if not any(stages.values()):
         print(f"no check's name contains {arguments.only!r}", file=sys.stderr)
         return 2
@@ -299,6 +365,8 @@ def main(words: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("\ninterrupted")
         return 130
+    for line in summary(case for checks in stages.values() for check in checks for case in cases_of(check)):
+        print(line)
     print(total)
     return 1 if total.failed or not (total.passed or total.skipped) else 0
 

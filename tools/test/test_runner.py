@@ -9,7 +9,7 @@ from types import ModuleType
 import pytest
 
 import checks
-from checks import Check, Count
+from checks import Check, Count, TestCase
 
 
 @pytest.fixture
@@ -90,3 +90,30 @@ def test_two_runs_in_one_checkout_do_not_meet(runner: ModuleType, capsys: pytest
     assert tuple(capsys.readouterr()) == ("", "another test run is under way in this checkout\n")
     assert runner.main(["lint"]) == 0
     assert str(Count(passed=1)) in capsys.readouterr().out
+
+
+def test_quick_chooses_the_stages_that_start_no_fleet(runner: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+    assert runner.arguments_from(["--quick"]).stages == ["lint", "types", "unit", "launch"]
+    with pytest.raises(SystemExit):
+        runner.arguments_from(["--quick", "unit"])
+    assert "--quick chooses the stages itself" in capsys.readouterr().err
+
+
+def test_a_failed_check_says_how_to_repeat_it(runner: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+    broken = Check("nav_bundle/unit", [sys.executable, "-c", "1 / 0"])
+    runner.STAGES["unit"] = runner.Stage(lambda: iter([broken]))
+    # The log's path is printed below the folder of the project.
+    runner.ROOT = checks.LOG
+    assert runner.main(["unit"]) == 1
+    assert "again: ./pioneer test unit --only 'nav_bundle/unit'" in capsys.readouterr().out
+
+
+def test_skipped_tests_are_grouped_by_reason_and_slow_ones_listed(runner: ModuleType) -> None:
+    cases = [
+        TestCase("a", "test_slow", 12.3),
+        TestCase("a", "test_quick", 0.2),
+        TestCase("b", "test_x", 0.0, "needs root"),
+        TestCase("b", "test_y", 0.0, "needs root"),
+    ]
+    lines = list(runner.summary(cases))
+    assert lines == ["skipped 2: needs root", "the slowest of 4 tests:", "    12.3 s  a: test_slow"]
