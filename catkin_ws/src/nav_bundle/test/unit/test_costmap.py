@@ -7,7 +7,7 @@ import pytest
 from drawn_room import grid_from_text
 
 from nav_bundle.core.costmap.config import InflationConfig, costmap_config_from_parameters
-from nav_bundle.core.costmap.cost import FREE, INSCRIBED, LETHAL, UNKNOWN, occupancy_by_cost
+from nav_bundle.core.costmap.cost import FREE, INSCRIBED, LETHAL, UNKNOWN, cost_by_occupancy, occupancy_by_cost
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.footprint import FootprintError, footprint_from_parameters
 from nav_bundle.core.costmap.layer import Observation, ObservationBuffer
@@ -252,3 +252,11 @@ def test_what_only_sensors_have_seen_rules_no_goal_out() -> None:
     assert cost_at(costmap, 3.0, 2.0) == LETHAL
     assert costmap.goal_fault(Pose(3.0, 2.0)) == ""
     assert rolling().goal_fault(Pose(9.0, 9.0)) == ""
+
+
+@pytest.mark.parametrize(("threshold", "same_as"), [(254, 100), (1000, 100), (-5, 0)])
+def test_a_lethal_threshold_outside_the_range_of_a_map_is_clamped(threshold: int, same_as: int) -> None:
+    for trinary in (False, True):
+        table = cost_by_occupancy(threshold, trinary, True, 255)
+        assert table.tolist() == cost_by_occupancy(same_as, trinary, True, 255).tolist()
+        assert table[100] == LETHAL

@@ -17,11 +17,18 @@ from nav_bundle.core.pose import Pose
 MODES = ("trinary", "scale", "raw")
 """How pixels become cells.
 
-trinary: free, occupied or unknown; scale: also the values between; raw: the pixel's value itself (0 … 100).
+trinary: free, occupied or unknown. scale: also the values between; where a pixel is transparent, these are unknown.
+raw: the pixel's value itself as an int8, so that 150 becomes -106, as from ROS' map_server.
 """
 
 _FREE_PIXEL, _UNKNOWN_PIXEL, _OCCUPIED_PIXEL = 254, 205, 0
-_PLAIN_MODES = {"1", "L", "LA", "P", "PA", "RGB", "RGBA"}
+_GREY_MODES = {"1", "L", "LA"}
+_COLOUR_MODES = {"P", "PA", "RGB", "RGBA", "RGBX", "CMYK", "YCbCr"}
+_WIDE_MODES = {"I", "I;16", "I;16B", "I;16L"}
+"""16 bits per pixel, of which the higher eight count."""
+_TRANSPARENT_MODES = {"LA", "PA", "RGBA"}
+_MOST_PIXELS = 2**30
+"""A larger image would take several gigabytes here and in every subscriber."""
 
 
 class MapFileMissingError(MapError):
@@ -44,7 +51,8 @@ class MapDescription:
     resolution: float  #: side of a pixel [m]
     origin: Pose  #: pose of the image's lower left corner in the map frame
     occupied_thresh: float  #: a pixel at least this dark (0 … 1) is occupied
-    free_thresh: float  #: a pixel less dark than this (0 … 1) is free; between the thresholds, see ``MODES``
+    free_thresh: float
+    """A pixel less dark than this (0 … 1) is free, unless it is occupied; between the thresholds, see ``MODES``."""
     negate: bool  #: white pixels are occupied, not black ones
     mode: str  #: one of ``MODES``
 
@@ -80,16 +88,27 @@ def _description(path: Path, fields: dict[str, Any]) -> MapDescription:
         Pose(x, y, yaw),
         float(fields.get("occupied_thresh", 0.65)),
         float(fields.get("free_thresh", 0.196)),
-        bool(fields.get("negate", 0)),
+        _flag(fields.get("negate", 0)),
         str(fields.get("mode", "trinary")).lower(),
     )
     if description.mode not in MODES:
         raise ValueError(f"mode must be one of {', '.join(MODES)}, not {description.mode}")
     if not (math.isfinite(description.resolution) and description.resolution > 0.0):
         raise ValueError(f"resolution must be positive, not {description.resolution}")
-    if description.free_thresh > description.occupied_thresh:
-        raise ValueError("free_thresh must not be above occupied_thresh")
+    if not all(math.isfinite(value) for value in (x, y, yaw)):
+        raise ValueError(f"origin must be three finite numbers, not {fields['origin']}")
+    if math.isnan(description.free_thresh) or math.isnan(description.occupied_thresh):
+        raise ValueError("free_thresh and occupied_thresh must be numbers, not nan")
     return description
+
+
+def _flag(value: Any) -> bool:
+    """Returns a flag that may be written as 0, 1, true or false, in quotes or without."""
+    if isinstance(value, str):
+        value = yaml.safe_load(value)
+    if not isinstance(value, int):  # True and False are integers, too
+        raise ValueError(f"negate must be 0 or 1, not {value!r}")
+    return bool(value)
 
 
 def read_map(path: Path) -> Grid:
@@ -99,39 +118,86 @@ def read_map(path: Path) -> Grid:
         MapError: one of the subclasses above; the message names the file.
     """
     description = read_description(path)
-    pixels = _read_pixels(description.image)
+    image = _read_image(description.image)
+    cells = _cell_of_sum(description, image.channels)[image.sums]
+    if description.mode == "scale" and image.transparent is not None:
+        between = (cells > FREE) & (cells < OCCUPIED)
+        cells[between & image.transparent] = UNKNOWN
     # The image's first row is the map's last (largest y).
-    cells = np.ascontiguousarray(_cell_of_pixel(description)[pixels[::-1]])
-    return Grid(description.resolution, description.origin, cells)
+    return Grid(description.resolution, description.origin, np.ascontiguousarray(cells[::-1]))
 
 
-def _read_pixels(path: Path) -> NDArray[np.uint8]:
-    """Returns an image's brightness: the mean of its colours, ignoring alpha; uint8, shape (rows, cols)."""
+@dataclass(frozen=True)
+class _MapImage:
+    """Pixels of a map's image."""
+
+    sums: NDArray[np.uint8] | NDArray[np.uint16]
+    """Sum of a pixel's colours, each 0 … 255, alpha left out; shape (rows, cols). Grey ones stay bytes."""
+    channels: int  #: how many colours a sum is of
+    transparent: NDArray[np.bool_] | None  #: where alpha is 0, shape (rows, cols); None: the image has no alpha
+
+
+def _read_image(path: Path) -> _MapImage:
+    """Returns the image at ``path``.
+
+    Raises:
+        MapError: a subclass, whose message names the file.
+    """
     try:
-        with Image.open(path) as image:
-            if image.mode not in _PLAIN_MODES:
-                raise MapImageError(
-                    f"{path} has an unsupported pixel format (PIL mode {image.mode}); use 8 bits per channel"
-                )
-            if image.mode in ("L", "1", "LA"):
-                return np.asarray(image.convert("L"))
-            return np.asarray(image.convert("RGB")).mean(axis=2).round().astype(np.uint8)
+        with _opened(path) as image:
+            return _pixels_of(path, image)
     except FileNotFoundError:
         raise MapFileMissingError(f"the map's image {path} does not exist") from None
     except UnidentifiedImageError:
         raise MapImageError(f"{path} is not an image") from None
+    except MemoryError:
+        raise MapImageError(f"{path} does not fit into this machine's memory") from None
     except (OSError, SyntaxError, ValueError) as error:
         raise MapImageError(f"cannot read the map's image {path}: {error}") from None
 
 
-def _cell_of_pixel(description: MapDescription) -> NDArray[np.int8]:
-    """Returns the cell value for each brightness 0 … 255, int8, shape (256,)."""
-    brightness = np.arange(256)
+def _opened(path: Path) -> Image.Image:
+    """Returns the image, its pixels not read yet.
+
+    PIL's own limit is made for images from the network, and below the size of published maps; ours replaces it.
+    """
+    limit = Image.MAX_IMAGE_PIXELS
+    Image.MAX_IMAGE_PIXELS = None
+    try:
+        image = Image.open(path)
+    finally:
+        Image.MAX_IMAGE_PIXELS = limit
+    width, height = image.size
+    if width * height > _MOST_PIXELS:
+        image.close()
+        raise MapImageError(f"{path} has {width} x {height} pixels, more than {_MOST_PIXELS} in all; use a coarser map")
+    return image
+
+
+def _pixels_of(path: Path, image: Image.Image) -> _MapImage:
+    transparent = None
+    if image.mode in _TRANSPARENT_MODES:
+        transparent = np.asarray(image.getchannel("A")) == 0
+    if image.mode in _WIDE_MODES:
+        return _MapImage((np.asarray(image).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8), 1, None)
+    if image.mode in _GREY_MODES:
+        return _MapImage(np.asarray(image.convert("L")), 1, transparent)
+    if image.mode in _COLOUR_MODES:
+        return _MapImage(np.asarray(image.convert("RGB")).sum(axis=2, dtype=np.uint16), 3, transparent)
+    raise MapImageError(f"{path} has an unsupported pixel format (PIL mode {image.mode}); use 8 bits per channel")
+
+
+def _cell_of_sum(description: MapDescription, channels: int) -> NDArray[np.int8]:
+    """Returns the cell value for each sum of a pixel's colours, int8, shape (255 * channels + 1,)."""
+    brightness = np.arange(255 * channels + 1) / channels
+    if description.negate:
+        brightness = 255.0 - brightness
     if description.mode == "raw":
-        return np.where(brightness <= OCCUPIED, brightness, UNKNOWN).astype(np.int8)
-    darkness = (brightness if description.negate else 255 - brightness) / 255.0
-    low, high = description.free_thresh, description.occupied_thresh
-    between = np.full(256, UNKNOWN, float)
+        return brightness.astype(np.uint8).view(np.int8)
+    darkness = (255.0 - brightness) / 255.0
+    low = description.free_thresh
+    high = description.occupied_thresh
+    between = np.full(darkness.shape, UNKNOWN, float)
     if description.mode == "scale" and high > low:
         between = 1.0 + 98.0 * (darkness - low) / (high - low)
     return np.where(darkness > high, OCCUPIED, np.where(darkness < low, FREE, between)).astype(np.int8)

@@ -39,9 +39,13 @@ def cost_by_squared_distance(
 def cost_by_occupancy(
     lethal_threshold: int, trinary: bool, track_unknown: bool, unknown_value: int
 ) -> NDArray[np.uint8]:
-    """Returns a table, shape (256,), from a map cell's value as unsigned byte (0 to 100, 255 for -1) to its cost."""
+    """Returns a table, shape (256,), from a map cell's value as unsigned byte (0 to 100, 255 for -1) to its cost.
+
+    A ``lethal_threshold`` outside 0 to 100 is clamped, as by costmap_2d: published files have 254 there.
+    """
     values = np.arange(256)
-    scaled = np.zeros(256) if trinary else values / lethal_threshold * LETHAL
+    lethal_threshold = min(max(lethal_threshold, 0), 100)
+    scaled = np.zeros(256) if trinary else values / max(lethal_threshold, 1) * LETHAL
     table = np.where(values >= lethal_threshold, LETHAL, scaled).astype(np.uint8)
     table[unknown_value % 256] = UNKNOWN if track_unknown else FREE
     return table
