@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pytest
 
 from pioneer_node.core.frame import resolved, stripped
-from pioneer_node.core.parameter import UNKNOWN, ParameterError, config_from_mapping
+from pioneer_node.core.parameter import UNKNOWN, ParameterError, config_from_mapping, value_as
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,34 @@ def test_an_unknown_parameter_is_refused_where_that_is_asked_for(monkeypatch: py
         config_from_mapping(LaserConfig, {"max_rnage": 8.0}, "amcl")
 
 
-@pytest.mark.parametrize("values", [{"beams": 1.5}, {"beams": True}, {"frame": 3}, {"max_range": "far"}])
+@pytest.mark.parametrize("values", [{"beams": "few"}, {"beams": True}, {"frame": 3}, {"max_range": "far"}])
 def test_a_value_of_the_wrong_type_is_refused(values: dict[str, object]) -> None:
     with pytest.raises(ParameterError, match="must be"):
         config_from_mapping(LaserConfig, values, "amcl")
+
+
+@pytest.mark.parametrize(
+    ("value", "beams", "warned"),
+    [(500.0, 500, False), (1.5, 2, True), (1.2, 1, True), ("60", 60, True), ("60.0", 60, True)],
+)
+def test_a_whole_number_is_taken_as_roscpp_takes_it(
+    value: object, beams: int, warned: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert config_from_mapping(LaserConfig, {"beams": value}, f"amcl{value}").beams == beams
+    assert (f"taken as {beams}" in caplog.text) == warned
+
+
+@pytest.mark.parametrize(("value", "flag"), [(1, True), (0, False), ("true", True), ("False", False), (0.0, False)])
+def test_a_flag_may_be_written_as_a_number_or_in_quotes(
+    value: object, flag: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert value_as(bool, value, f"~flag{value!r}") is flag
+    assert "taken as" in caplog.text
+
+
+def test_a_flag_of_two_is_refused() -> None:
+    with pytest.raises(ParameterError, match="must be bool, not 2"):
+        value_as(bool, 2, "~flag")
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+from nav_bundle.core.trajectory_config import with_samples
 from pioneer_node.core.live import Live
 from pioneer_node.core.parameter import UNKNOWN, ParameterError, config_from_mapping
 
@@ -83,6 +84,7 @@ def dwa_config_from_parameters(parameters: Mapping[str, Any], owner: str, freque
     values = {_FORMER.get(name, name): value for name, value in parameters.items()}
     values.setdefault("controller_frequency", frequency)
     config = config_from_mapping(DwaConfig, values, owner)
+    config = with_samples(config, ("vx_samples", "vy_samples", "vth_samples"), owner)
     _check(config, owner)
     return config
 
@@ -97,9 +99,6 @@ def _check(config: DwaConfig, owner: str) -> None:
     for name in ("path_distance_bias", "goal_distance_bias", "occdist_scale", "twirling_scale"):
         if getattr(config, name) < 0.0:
             raise ParameterError(f"{owner}: ~{name} must not be negative, not {getattr(config, name)}")
-    for name in ("vx_samples", "vy_samples", "vth_samples"):
-        if getattr(config, name) < 1:
-            raise ParameterError(f"{owner}: ~{name} must be at least 1, not {getattr(config, name)}")
     for axis in ("x", "y"):
         low, high = getattr(config, f"min_vel_{axis}"), getattr(config, f"max_vel_{axis}")
         if low > high:

@@ -5,9 +5,9 @@ from dataclasses import dataclass, fields
 
 from pioneer_node.core.parameter import ParameterError
 
-_POSITIVE = ("sigma", "lsigma", "lstep", "astep", "ogain", "delta", "map_update_interval")
+_POSITIVE = ("sigma", "lsigma", "lstep", "astep", "ogain", "delta")
 _NOT_NEGATIVE = (
-    "kernelSize", "iterations", "lskip", "srr", "srt", "str", "stt", "linearUpdate", "angularUpdate",
+    "kernelSize", "iterations", "lskip", "srr", "srt", "str", "stt",
     "resampleThreshold", "transform_publish_period", "tf_delay", "seed", "minimumScore",
 )  # fmt: skip
 
@@ -16,7 +16,9 @@ _NOT_NEGATIVE = (
 class GmappingConfig:
     """Parameters of slam_gmapping in SI units; config/gmapping_defaults.yaml documents each one.
 
-    A negative ``maxUrange``, ``maxRange`` or ``tf_delay`` selects Noetic's default for an unset parameter.
+    A negative ``maxUrange``, ``maxRange`` or ``tf_delay`` selects Noetic's default for an unset parameter. With
+    ``linearUpdate`` or ``angularUpdate`` of 0 or less every scan is processed, and with ``map_update_interval`` of 0 or
+    less every processed scan updates the map.
     ``llsamplerange``, ``llsamplestep``, ``lasamplerange`` and ``lasamplestep`` are accepted without effect. The C++
     node only reads them for a likelihood that it never samples.
 

@@ -26,7 +26,7 @@ from nav_bundle.core.recovery import Recovery, recoveries_from_parameters
 from nav_bundle.core.trajectory_config import trajectory_config_from_parameters
 from nav_bundle.core.trajectory_planner import TrajectoryPlanner
 from pioneer_node.core.live import Live, live_values
-from pioneer_node.core.parameter import ParameterError, config_from_mapping
+from pioneer_node.core.parameter import ParameterError, config_from_mapping, namespace_in
 
 Kind = TypeVar("Kind")
 _FRONT = 0.5
@@ -194,13 +194,18 @@ def changed_parameters(
 def setup_from_parameters(parameters: Mapping[str, Any], owner: str) -> Setup:
     """Returns the setup of the node ``owner`` from all of its private parameters.
 
+    ``footprint`` and ``robot_radius`` may also be in the node's own namespace, for both costmaps.
+
     Raises:
         ParameterError: an unknown or invalid parameter, or an unknown planner.
     """
     nested = {name for name, value in parameters.items() if isinstance(value, Mapping)}
-    base = config_from_mapping(MoveBaseConfig, parameters, owner, nested)
+    base = config_from_mapping(MoveBaseConfig, parameters, owner, nested | {"footprint", "robot_radius"})
     _check(base, owner)
-    local_costmap = costmap_config_from_parameters(parameters.get("local_costmap", {}), f"{owner}/local_costmap")
+    global_costmap, local_costmap = (
+        costmap_config_from_parameters(namespace_in(parameters, name, owner), f"{owner}/{name}", parameters)
+        for name in ("global_costmap", "local_costmap")
+    )
     radius = local_costmap.outline().circumscribed_radius
     recoveries = tuple(recoveries_from_parameters(parameters, radius)) if base.recovery_behavior_enabled else ()
     name, (read_local, _) = _planner(_LOCAL_PLANNERS, base.base_local_planner, f"{owner}: ~base_local_planner")
@@ -209,12 +214,12 @@ def setup_from_parameters(parameters: Mapping[str, Any], owner: str) -> Setup:
     )
     return Setup(
         base,
-        costmap_config_from_parameters(parameters.get("global_costmap", {}), f"{owner}/global_costmap"),
+        global_costmap,
         local_costmap,
         global_name,
-        read_global(parameters.get(global_name, {}), f"{owner}/{global_name}"),
+        read_global(namespace_in(parameters, global_name, owner), f"{owner}/{global_name}"),
         name,
-        read_local(parameters.get(name, {}), f"{owner}/{name}", base.controller_frequency),
+        read_local(namespace_in(parameters, name, owner), f"{owner}/{name}", base.controller_frequency),
         recoveries,
         _limits(base, len(recoveries)),
     )

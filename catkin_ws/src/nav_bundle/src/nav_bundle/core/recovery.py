@@ -8,7 +8,7 @@ from typing import Any, Protocol
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.local_planner import Velocity
 from nav_bundle.core.pose import Pose, angle_difference
-from pioneer_node.core.parameter import ParameterError, config_from_mapping
+from pioneer_node.core.parameter import ParameterError, config_from_mapping, namespace_in, value_as
 
 _BACK, _LOOK_BACK, _BACKWARDS = 0.3, 0.1, -0.15
 """Distance that a pushing robot backs up [m], look-behind distance for obstacles [m], and velocity [m/s]."""
@@ -175,10 +175,12 @@ def recoveries_from_parameters(parameters: Mapping[str, Any], circumscribed_radi
         ParameterError: an entry that is not {name, type}, an unknown type, or invalid parameters.
     """
     listed = parameters.get("recovery_behaviors")
+    if listed and not isinstance(listed, (list, tuple)):
+        raise ParameterError(f"~recovery_behaviors must be a list of {{name, type}}, not {listed!r}")
     if listed:
         return [_recovery(parameters, entry, 3.0) for entry in listed]
     clear, rotate = "clear_costmap_recovery/ClearCostmapRecovery", "rotate_recovery/RotateRecovery"
-    conservative = float(parameters.get("conservative_reset_dist", 3.0))
+    conservative = value_as(float, parameters.get("conservative_reset_dist", 3.0), "~conservative_reset_dist")
     behaviours = [_recovery(parameters, {"name": "conservative_reset", "type": clear}, conservative)]
     turn = [_recovery(parameters, {"name": "rotate_recovery", "type": rotate}, 0.0)]
     turns = turn if parameters.get("clearing_rotation_allowed", True) else []
@@ -197,13 +199,13 @@ def _recovery(parameters: Mapping[str, Any], entry: Any, reset_distance: float) 
 
 
 def _clear(parameters: Mapping[str, Any], name: str, reset_distance: float) -> Recovery:
-    own = {"reset_distance": reset_distance, **parameters.get(name, {})}
+    own = {"reset_distance": reset_distance, **namespace_in(parameters, name, "~recovery_behaviors")}
     return ClearCostmapRecovery(name, config_from_mapping(ClearConfig, own, f"~{name}"))
 
 
 def _rotate(parameters: Mapping[str, Any], name: str, _: float) -> Recovery:
     """Returns the behaviour; its speeds default to the local planner's parameters."""
-    planner = parameters.get("TrajectoryPlannerROS", {})
+    planner = namespace_in(parameters, "TrajectoryPlannerROS", "~recovery_behaviors")
     names = {
         "yaw_goal_tolerance": "yaw_goal_tolerance",
         "acc_lim_theta": "acc_lim_th",
@@ -214,7 +216,7 @@ def _rotate(parameters: Mapping[str, Any], name: str, _: float) -> Recovery:
         "min_in_place_rotational_vel": "min_in_place_rotational_vel",
     }
     shared = {ours: planner[theirs] for theirs, ours in names.items() if theirs in planner}
-    own = {**shared, **parameters.get(name, {})}
+    own = {**shared, **namespace_in(parameters, name, "~recovery_behaviors")}
     return RotateRecovery(name, config_from_mapping(RotateConfig, own, f"~{name}"))
 
 

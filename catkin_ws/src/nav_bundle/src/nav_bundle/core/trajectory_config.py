@@ -1,12 +1,14 @@
 """Parameters of TrajectoryPlannerROS, with base_local_planner's names."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Annotated, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, TypeVar
 
 from pioneer_node.core.live import Live
-from pioneer_node.core.parameter import ParameterError, config_from_mapping
+from pioneer_node.core.parameter import UNKNOWN, ParameterError, config_from_mapping
+
+Config = TypeVar("Config", bound=Any)
 
 # Deprecated names that base_local_planner still accepts, and the current ones.
 _FORMER = {
@@ -88,9 +90,19 @@ def trajectory_config_from_parameters(parameters: Mapping[str, Any], owner: str,
     if "sim_granularity" in values:
         values.setdefault("angular_sim_granularity", values["sim_granularity"])
     values.setdefault("controller_frequency", frequency)
-    config = config_from_mapping(TrajectoryConfig, values, owner)
+    config = with_samples(config_from_mapping(TrajectoryConfig, values, owner), ("vx_samples", "vtheta_samples"), owner)
     _check(config, owner)
     return config
+
+
+def with_samples(config: Config, names: Sequence[str], owner: str) -> Config:
+    """Returns ``config`` with at least one sample in each of these directions, as base_local_planner corrects it."""
+    corrected = {}
+    for name in names:
+        if getattr(config, name) < 1:
+            UNKNOWN.correct(f"{owner}: ~{name} is {getattr(config, name)}, taken as 1")
+            corrected[name] = 1
+    return replace(config, **corrected)
 
 
 def _check(config: TrajectoryConfig, owner: str) -> None:
@@ -100,12 +112,9 @@ def _check(config: TrajectoryConfig, owner: str) -> None:
     for name in ("sim_time", "sim_granularity", "angular_sim_granularity", "controller_frequency", "acc_lim_x"):
         if not getattr(config, name) > 0.0:
             raise ParameterError(f"{owner}: ~{name} must be positive, not {getattr(config, name)}")
-    for name in ("vx_samples", "vtheta_samples"):
-        if getattr(config, name) < 1:
-            raise ParameterError(f"{owner}: ~{name} must be at least 1, not {getattr(config, name)}")
     for axis in ("x", "theta"):
         low, high = getattr(config, f"min_vel_{axis}"), getattr(config, f"max_vel_{axis}")
         if low > high:
             raise ParameterError(f"{owner}: ~min_vel_{axis} must be at most ~max_vel_{axis} ({low} > {high})")
     if config.escape_vel > 0.0:
-        raise ParameterError(f"{owner}: ~escape_vel must not be positive, it leads backwards; got {config.escape_vel}")
+        UNKNOWN.correct(f"{owner}: ~escape_vel is {config.escape_vel}: it leads forward instead of backward")

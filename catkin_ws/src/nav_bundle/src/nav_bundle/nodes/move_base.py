@@ -1,7 +1,7 @@
 """The move_base node: costmaps, planners and recovery behaviours behind one action."""
 
 import threading
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import rospy
@@ -68,6 +68,16 @@ class _Shown(NamedTuple):
         )
 
 
+def _outline_parameters() -> dict[str, Any]:
+    """Returns the robot's outline from the namespaces around the node: costmap_2d searches it upwards."""
+    found = {}
+    for name in ("footprint", "robot_radius"):
+        key = rospy.search_param(name)
+        if key:
+            found[name] = rospy.get_param(key)
+    return found
+
+
 class MoveBaseNode:
     """Drives the robot to goals.
 
@@ -94,7 +104,7 @@ class MoveBaseNode:
     """
 
     def __init__(self) -> None:
-        self._parameters = entry.parameters()
+        self._parameters = {**_outline_parameters(), **entry.parameters()}
         self._setup: Setup = setup_from_parameters(self._parameters, rospy.get_name())
         self._listener = TransformListener(future_limit=self._setup.base.transform_future_limit)
         self._global = CostmapNode("global_costmap", self._setup.global_costmap, self._listener)

@@ -37,12 +37,23 @@ class UnknownNames:
         Raises:
             ParameterError: instead of the warning if ``strict``.
         """
+        self._warn(text, " It has no effect.")
+
+    def correct(self, text: str) -> None:
+        """Logs once that a value is taken as another one; ``text`` gives the name and both values.
+
+        Raises:
+            ParameterError: instead of the warning if ``strict``.
+        """
+        self._warn(text, "")
+
+    def _warn(self, text: str, consequence: str) -> None:
         if self.strict:
             raise ParameterError(text)
         if text not in self._reported:
             self._reported.add(text)
             # rospy's logger, whose output reaches the terminal and /rosout.
-            logging.getLogger("rosout").warning("%s It has no effect.", text if text.endswith("?") else f"{text}.")
+            logging.getLogger("rosout").warning("%s%s", text if text.endswith("?") else f"{text}.", consequence)
 
 
 UNKNOWN = UnknownNames()
@@ -76,13 +87,29 @@ def config_from_mapping(
     return config_class(**values)
 
 
+def namespace_in(parameters: Mapping[str, Any], name: str, owner: str) -> Mapping[str, Any]:
+    """Returns the parameters in the namespace ``name``: none if there is no such namespace, or if it is a value."""
+    found = parameters.get(name, {})
+    if isinstance(found, Mapping):
+        return found
+    UNKNOWN.complain(f"{owner}: ~{name} is {found!r}, but must be a namespace of parameters")
+    return {}
+
+
 def _nearest(name: str, names: Collection[str], above: str) -> str:
     matches = difflib.get_close_matches(name, names, n=1)
     return f"; did you mean ~{above}{matches[0]}?" if matches else ""
 
 
 def value_as(hint: Any, value: Any, what: str) -> Any:
-    """Returns ``value`` checked against the field's type. Only int to float is converted."""
+    """Returns ``value`` as the field's type.
+
+    As roscpp does, an integer is taken for a float, and a float is rounded to an integer. Numbers and flags in quotes,
+    and 0 or 1 for a flag, are taken as what they stand for, with a warning.
+
+    Raises:
+        ParameterError: the value stands for nothing of this type.
+    """
     origin = typing.get_origin(hint)
     if origin in (typing.Union, types.UnionType):
         options = typing.get_args(hint)
@@ -94,11 +121,45 @@ def value_as(hint: Any, value: Any, what: str) -> Any:
         return tuple(value)
     if hint is Any:
         return value
-    if hint is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    if hint is float and isinstance(value, float) and not math.isfinite(value):
-        raise ParameterError(f"{what} must be a finite number, not {value}")
     wanted = origin or hint
+    if wanted in (int, float, bool):
+        value = _plain_value(wanted, value, what)
+    if wanted is float and isinstance(value, float) and not math.isfinite(value):
+        raise ParameterError(f"{what} must be a finite number, not {value}")
     if not isinstance(value, wanted) or (wanted is int and isinstance(value, bool)):
         raise ParameterError(f"{what} must be {getattr(wanted, '__name__', wanted)}, not {value!r}")
     return value
+
+
+_FLAGS = {"true": True, "false": False, "1": True, "0": False}
+
+
+def _plain_value(wanted: type, value: Any, what: str) -> Any:
+    """Returns a number or flag as the type ``wanted``; what cannot be converted stays as it is."""
+    plain = value
+    if isinstance(value, str):
+        plain = _from_text(wanted, value.strip())
+    if wanted is bool and isinstance(plain, (int, float)) and plain in (0, 1):
+        plain = bool(plain)
+    elif wanted is float and isinstance(plain, int) and not isinstance(plain, bool):
+        plain = float(plain)
+    elif wanted is int and isinstance(plain, float) and math.isfinite(plain):
+        # As roscpp rounds: halves go up.
+        plain = math.floor(plain + 0.5)
+    if (
+        isinstance(plain, wanted)
+        and plain is not value
+        and (isinstance(value, str) or plain != value or wanted is bool)
+    ):
+        UNKNOWN.correct(f"{what} is {value!r}, taken as {plain!r}")
+    return plain
+
+
+def _from_text(wanted: type, text: str) -> Any:
+    """Returns the number or flag that a text in quotes stands for, else the text."""
+    if wanted is bool:
+        return _FLAGS.get(text.lower(), text)
+    try:
+        return float(text)
+    except ValueError:
+        return text

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from nav_bundle.core.costmap.footprint import Footprint, footprint_from_parameters
 from pioneer_node.core.live import Live
-from pioneer_node.core.parameter import ParameterError, config_from_mapping
+from pioneer_node.core.parameter import UNKNOWN, ParameterError, config_from_mapping, value_as
 
 DATA_TYPES = ("LaserScan", "PointCloud2")
 """Supported message types of an observation source."""
@@ -136,56 +136,64 @@ _LAYERS = {
 }
 # costmap_2d's layer names when there is no list of plugins, and the name of the fleet layer.
 _STATIC, _OBSTACLE, _FLEET, _INFLATION = "static_layer", "obstacle_layer", "fleet_layer", "inflation_layer"
-# costmap_2d's names that set no field of ``CostmapConfig``: three-dimensional maps, retired options, and parameters
-# that the layers read.
-_WITHOUT_EFFECT = frozenset(
-    {
-        "origin_z",
-        "z_resolution",
-        "z_voxels",
-        "unknown_threshold",
-        "mark_threshold",
-        "publish_voxel_map",
-        "observation_sources",
-        "map_type",
-        "static_map",
-        "max_obstacle_height",
-        "obstacle_range",
-        "raytrace_range",
-        "inflation_radius",
-        "cost_scaling_factor",
-        "plugins",
-        "lethal_cost_threshold",
-        "unknown_cost_value",
-        "trinary_costmap",
-        "map_topic",
-        "footprint_clearing_enabled",
-        "combination_method",
-        "inflate_unknown",
-    }
-)
+_VOXELS = ("origin_z", "z_resolution", "z_voxels", "unknown_threshold", "mark_threshold", "publish_voxel_map")
+"""costmap_2d's names for three-dimensional maps."""
+_OF_STATIC = ("map_topic", "unknown_cost_value", "lethal_cost_threshold", "trinary_costmap")
+_OF_OBSTACLES = ("max_obstacle_height", "footprint_clearing_enabled", "combination_method")
+_OF_INFLATION = ("inflation_radius", "cost_scaling_factor", "inflate_unknown")
+_OF_SOURCES = ("observation_sources", "obstacle_range", "raytrace_range")
+_CLASSIC = ("static_map", "map_type")
+"""Names that are read only without a list of plugins."""
+_OF_LAYERS = frozenset({*_VOXELS, *_OF_STATIC, *_OF_OBSTACLES, *_OF_INFLATION, *_OF_SOURCES, *_CLASSIC, "plugins"})
+"""costmap_2d's names in a costmap's namespace that set no field of ``CostmapConfig``."""
+_COPIED: dict[type[Any], tuple[str, ...]] = {
+    StaticConfig: ("map_topic", "unknown_cost_value", "lethal_cost_threshold", "track_unknown_space"),
+    ObstacleConfig: ("max_obstacle_height", "obstacle_range", "raytrace_range", "track_unknown_space"),
+    InflationConfig: ("cost_scaling_factor", "inflation_radius"),
+    FleetConfig: (),
+}
+"""With a list of plugins: what a layer takes from the costmap's namespace, as in Noetic."""
 
 
-def costmap_config_from_parameters(parameters: Mapping[str, Any], owner: str) -> CostmapConfig:
+def costmap_config_from_parameters(
+    parameters: Mapping[str, Any], owner: str, above: Mapping[str, Any] | None = None
+) -> CostmapConfig:
     """Returns the configuration in namespace ``owner``.
 
-    A ``plugins`` list of {name, type} defines the layers, each with its own nested parameters. Without the list,
-    ``static_map``, ``observation_sources`` and ``inflation_radius`` are read from the costmap's namespace. Parameters
-    in ``static_layer``, ``obstacle_layer`` and ``inflation_layer`` then take precedence, as after a reconfiguration,
-    and ``fleet_layer`` adds that layer.
+    A ``plugins`` list of {name, type} defines the layers, each with its own nested parameters; what is missing there is
+    taken from the costmap's namespace, as in Noetic. Without the list, ``static_map``, ``observation_sources`` and
+    ``inflation_radius`` are read from the costmap's namespace. Parameters in ``static_layer``, ``obstacle_layer`` and
+    ``inflation_layer`` then take precedence, as after a reconfiguration, and ``fleet_layer`` adds that layer.
+
+    Args:
+        parameters: those in the costmap's namespace.
+        owner: that namespace, for messages.
+        above: those in the namespaces around it, where ``footprint`` and ``robot_radius`` are looked for, too.
 
     Raises:
-        ParameterError: an unknown name or layer, a wrong type, or a source with an unsupported data type.
+        ParameterError: an unknown layer, a wrong type, or a source with an unsupported data type.
     """
     nested = {name for name, value in parameters.items() if isinstance(value, Mapping)}
-    config = config_from_mapping(CostmapConfig, parameters, owner, _WITHOUT_EFFECT | nested)
-    if parameters.get("plugins"):
-        layers = dict(_plugin(parameters, plugin, owner) for plugin in parameters["plugins"])
-    else:
-        layers = _classic_layers(parameters, owner)
+    inherited = {name: above[name] for name in ("footprint", "robot_radius") if above and name in above}
+    config = config_from_mapping(CostmapConfig, {**inherited, **parameters}, owner, _OF_LAYERS | nested)
+    layers_of = _listed_layers if parameters.get("plugins") else _classic_layers
+    layers = layers_of(parameters, owner)
     config = replace(config, layers=tuple(layers.values()), layer_names=tuple(layers))
     _check(config, owner)
     return config
+
+
+def _listed_layers(parameters: Mapping[str, Any], owner: str) -> dict[str, LayerConfig]:
+    """Returns the layers of a ``plugins`` list, by name; warns of what no layer reads in the costmap's namespace."""
+    plugins = parameters["plugins"]
+    if not isinstance(plugins, (list, tuple)):
+        raise ParameterError(f"{owner}: ~plugins must be a list of {{name, type}}, not {plugins!r}")
+    layers = dict(_plugin(parameters, plugin, owner) for plugin in plugins)
+    copied = {name for layer in layers.values() for name in _COPIED[type(layer)]}
+    for name in sorted((_OF_LAYERS - copied - {"plugins"}) & parameters.keys()):
+        if name not in layers:
+            UNKNOWN.complain(f"{owner}: ~{name} is read only without a list of plugins, or in a layer's own namespace")
+    return layers
 
 
 def _check(config: CostmapConfig, owner: str) -> None:
@@ -198,15 +206,30 @@ def _check(config: CostmapConfig, owner: str) -> None:
 def _classic_layers(parameters: Mapping[str, Any], owner: str) -> dict[str, LayerConfig]:
     if parameters.get("map_type", "costmap") != "costmap":
         raise ParameterError(f"{owner}: map_type {parameters['map_type']!r} is not available, only 'costmap' is")
+    for name in sorted(set(_VOXELS) & parameters.keys()):
+        UNKNOWN.complain(f"{owner}: ~{name} is for map_type 'voxel'")
     own = {name: {**parameters, **_nested(parameters, name)} for name in (_STATIC, _OBSTACLE, _INFLATION)}
     layers: dict[str, LayerConfig] = {}
-    if parameters.get("static_map", False):
+    if value_as(bool, parameters.get("static_map", False), f"{owner}: parameter ~static_map"):
         layers[_STATIC] = _from_matching(StaticConfig, own[_STATIC], owner, {"track_unknown_space"})
+        _report_unknown(StaticConfig, _nested(parameters, _STATIC), f"{owner}/{_STATIC}")
     layers[_OBSTACLE] = _obstacles((own[_OBSTACLE],), owner)
+    _report_unknown(ObstacleConfig, _nested(parameters, _OBSTACLE), f"{owner}/{_OBSTACLE}")
     if _nested(parameters, _FLEET):
         layers[_FLEET] = config_from_mapping(FleetConfig, parameters[_FLEET], f"{owner}/{_FLEET}")
     layers[_INFLATION] = _from_matching(InflationConfig, own[_INFLATION], owner)
+    _report_unknown(InflationConfig, _nested(parameters, _INFLATION), f"{owner}/{_INFLATION}")
     return layers
+
+
+def _report_unknown(kind: type[Any], own: Mapping[str, Any], owner: str) -> None:
+    """Warns of names in a layer's own namespace that the layer does not read; sources are namespaces in it."""
+    known = {field.name for field in fields(kind)} - {"sources"}
+    if kind is ObstacleConfig:
+        known |= set(_OF_SOURCES)
+    for name, value in own.items():
+        if name not in known and not (kind is ObstacleConfig and isinstance(value, Mapping)):
+            UNKNOWN.report(owner, name, known)
 
 
 def _nested(parameters: Mapping[str, Any], name: str) -> Mapping[str, Any]:
@@ -225,23 +248,40 @@ def _plugin(parameters: Mapping[str, Any], plugin: Any, owner: str) -> tuple[str
     """Returns the layer's name and configuration; the type may omit its package."""
     by_name = {full.split("::")[-1]: kind for full, kind in _LAYERS.items()}
     try:
-        name, kind = str(plugin["name"]), by_name[str(plugin["type"]).split("::")[-1]]
+        name = str(plugin["name"])
+        kind = by_name[str(plugin["type"]).split("::")[-1]]
     except (KeyError, TypeError):
         raise ParameterError(f"{owner}: no such layer {plugin!r}; there are {', '.join(_LAYERS)}") from None
-    own = parameters.get(name, {})
+    # A layer may have the name of a parameter, such as static_map, which is no namespace then.
+    own = _nested(parameters, name)
+    copied = {each: parameters[each] for each in _COPIED[kind] if each in parameters}
+    for each in copied.keys() & own.keys():
+        if own[each] != copied[each]:
+            UNKNOWN.complain(f"{owner}: ~{each} is {copied[each]!r}, but ~{name}/{each} is {own[each]!r} and counts")
     layer_owner = f"{owner}/{name}"
     if kind is ObstacleConfig:
-        return name, _obstacles((own, parameters), layer_owner)
-    return name, config_from_mapping(kind, own, layer_owner)
+        _report_unknown(kind, own, layer_owner)
+        return name, _obstacles(({**copied, **own}, parameters), layer_owner)
+    return name, config_from_mapping(kind, {**copied, **own}, layer_owner)
+
+
+def _source_names(value: Any, owner: str) -> list[str]:
+    """Returns the names in ``observation_sources``: separated by spaces, or as a list."""
+    if isinstance(value, str):
+        return value.split()
+    if isinstance(value, (list, tuple)) and all(isinstance(name, str) for name in value):
+        return list(value)
+    raise ParameterError(f"{owner}: ~observation_sources must be names separated by spaces, not {value!r}")
 
 
 def _obstacles(scopes: Sequence[Mapping[str, Any]], owner: str) -> ObstacleConfig:
     """Returns the layer described in ``scopes[0]``; a source's missing parameters come from the outer scopes."""
     own = scopes[0]
-    names = own.get("observation_sources", "").split()
+    names = _source_names(own.get("observation_sources", ""), owner)
     layer = _from_matching(ObstacleConfig, own, owner, {"sources"})
     if "track_unknown_space" not in own:
-        layer = replace(layer, track_unknown_space=bool(scopes[-1].get("track_unknown_space", False)))
+        what = f"{owner}: parameter ~track_unknown_space"
+        layer = replace(layer, track_unknown_space=value_as(bool, scopes[-1].get("track_unknown_space", False), what))
     sources = (_source(name, scopes, owner) for name in names)
     highest = layer.max_obstacle_height
     return replace(

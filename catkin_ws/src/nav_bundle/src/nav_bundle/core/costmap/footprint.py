@@ -1,7 +1,7 @@
 """The robot's footprint: its outline projected onto the ground."""
 
-import json
 import math
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,6 +12,8 @@ from nav_bundle.core.error import NavigationError
 from nav_bundle.core.pose import Pose
 
 _CIRCLE_VERTICES = 16
+_LARGEST = 1000.0
+"""Farthest that a footprint and its padding may reach [m]; a larger one is a mistake."""
 
 
 class FootprintError(NavigationError):
@@ -38,25 +40,59 @@ class Footprint:
 
 
 def footprint_from_parameters(polygon: Any, robot_radius: float, padding: float) -> Footprint:
-    """Returns the footprint for costmap_2d's parameters: a polygon (list or JSON text), or a circle if none is given.
+    """Returns the footprint for costmap_2d's parameters: a polygon (list or text), or a circle if none is given.
 
     Raises:
         FootprintError: fewer than three vertices, or not a list of pairs of numbers.
     """
+    if max(abs(robot_radius), abs(padding)) > _LARGEST:
+        raise FootprintError(f"robot_radius and footprint_padding must be below {_LARGEST:g} m")
     if polygon in (None, "", [], "[]"):
         angles = np.arange(_CIRCLE_VERTICES) * (math.tau / _CIRCLE_VERTICES)
         return Footprint(robot_radius * np.stack([np.cos(angles), np.sin(angles)], axis=1), padding)
     return Footprint(_vertices(polygon), padding)
 
 
+_TOKEN = re.compile(r"[\[\]]|[^\[\],\s]+")
+"""A bracket, or whatever stands between brackets, commas and white space."""
+
+
+def _points_from_text(text: str) -> list[list[float]]:
+    """Returns the points of a text such as ``[[.3, .2], [+0.3, -1.], [0 1],]``, read as leniently as costmap_2d does.
+
+    Raises:
+        ValueError: brackets do not match, or what stands between them is no number.
+    """
+    points: list[list[float]] = []
+    depth = 0
+    for token in _TOKEN.findall(text):
+        if token == "[":
+            depth += 1
+            if depth == 2:
+                points.append([])
+        elif token == "]":
+            depth -= 1
+        elif depth == 2:
+            points[-1].append(float(token))
+        else:
+            raise ValueError(f"{token!r} stands outside of a point")
+        if not 0 <= depth <= 2:
+            raise ValueError("its brackets do not match")
+    if depth:
+        raise ValueError("its brackets do not match")
+    return points
+
+
 def _vertices(polygon: str | Sequence[Any]) -> NDArray[np.float64]:
     try:
-        listed = json.loads(polygon) if isinstance(polygon, str) else polygon
+        listed = _points_from_text(polygon) if isinstance(polygon, str) else polygon
         vertices = np.array(listed, np.float64)
     except (ValueError, TypeError) as error:
         raise FootprintError(f"footprint must be a list of [x, y] pairs, not {polygon!r}") from error
     if vertices.ndim != 2 or vertices.shape[1] != 2 or len(vertices) < 3 or not np.isfinite(vertices).all():
         raise FootprintError(f"footprint must have at least three [x, y] vertices, not {polygon!r}")
+    if np.abs(vertices).max() > _LARGEST:
+        raise FootprintError(f"footprint must stay within {_LARGEST:g} m, not {polygon!r}")
     return vertices
 
 
