@@ -212,6 +212,8 @@ pip_install() {
   CFLAGS="${CFLAGS:-} -Wno-incompatible-pointer-types" \
     "$venv/bin/pip" install --disable-pip-version-check --no-deps -r "$list"
   rm -f "$list"
+  # PyPI's command needs ROS 2 for $(find); where the environment comes first on the PATH, it would hide the workspace's.
+  rm -f "$venv/bin/xacro"
   # pybullet's example robots and environments: 150 MB that nothing here reads.
   rm -rf "$venv"/lib/python3.*/site-packages/pybullet_{data,envs,examples,robots,utils}
 }

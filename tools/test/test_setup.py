@@ -100,6 +100,17 @@ def test_sections_of_commands_are_sections_of_the_lists(tmp_path: Path) -> None:
     assert everything | {"build", "run"} == known
 
 
+def test_xacro_finds_packages_though_the_environment_comes_first_on_the_path(tmp_path: Path) -> None:
+    (tmp_path / "robot.xacro").write_text(
+        '<robot name="r" xmlns:xacro="http://ros.org/wiki/xacro"><link name="$(find pioneer_description)"/></robot>'
+    )
+    path = f"PATH={ROOT}/.setup/venv/bin:$PATH"
+    script = f"set +u; . {ROOT}/catkin_ws/devel/setup.bash; set -u; {path}; xacro {tmp_path}/robot.xacro"
+    result = run_bash(script, tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "/pioneer_description" in result.stdout
+
+
 def test_an_interrupt_ends_the_running_step_and_reports_it(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "started")
     long = f"long() {{ echo $BASHPID > {tmp_path}/started; exec tail -f /dev/null; }}"
