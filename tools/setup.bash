@@ -220,7 +220,7 @@ pip_install() {
 
 # venv_stamp SECTION: prints what decides whether a section of the environment must be installed again.
 venv_stamp() {
-  requirements_of "$1" | sha256sum
+  { requirements_of "$1"; declare -f pip_install; } | sha256sum
   /usr/bin/python3 -V
   printf '%s\n' "$root"
 }
