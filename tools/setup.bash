@@ -307,10 +307,13 @@ install_python() {
 
 # prepare_python_and_workspace SECTION...: the Python environment with the section run and these, and the workspace.
 prepare_python_and_workspace() {
-  local lacking state build='' compiles=''
+  local had=() lacking state build='' compiles=''
   # Another Python, another folder or an interrupted installation: the environment is made again as a whole.
-  if venv_lacks run; then rm -rf "$venv"; fi
-  mapfile -t lacking < <(lacking_sections "$@")
+  if venv_lacks run; then
+    [[ ! -d $venv/sections ]] || mapfile -t had < <(ls "$venv/sections")
+    rm -rf "$venv"
+  fi
+  mapfile -t lacking < <(lacking_sections "$@" "${had[@]}" | sort -u)
   state=$(workspace_state)
   if workspace_lacks "$state"; then build=yes; fi
   [[ -n $build || ${#lacking[@]} -gt 0 ]] || return 0
