@@ -80,6 +80,38 @@ def test_a_robot_may_go_at_any_time_and_come_back(seed: int, robots: int, absenc
     assert (outcome.reached, outcome.contacts, outcome.shared) == (outcome.asked, 0, False)
 
 
+def test_a_robot_carried_into_the_way_of_another_is_not_driven_into() -> None:
+    """Only what a robot held used to count, not where it was: the other drove on into it."""
+    trial = Trial(ROW, None, [ROW.places[0], (0.0, 9.0)], [[ROW.places[6]], []])
+    trial.run(4.0)
+    ahead = ROW.places[4]
+    assert math.dist(trial.bodies[0].position, ahead) > 1.8
+    trial.carry(1, ahead)
+    trial.bodies[1].drive = lambda route: None  # type: ignore[method-assign]
+    outcome = trial.run(30.0)
+    assert (outcome.reached, outcome.contacts) == (0, 0)
+    trial.carry(1, (0.0, 9.0))
+    assert trial.run(60.0).reached == 1
+
+
+@settings(max_examples=8, deadline=None)
+@given(seed=st.integers(0, 10**6), robots=st.integers(2, 6))
+def test_robots_may_be_carried_elsewhere_at_any_time(seed: int, robots: int) -> None:
+    generator = random.Random(seed)
+    tours = [generator.sample(ROOMS.places, 2) for _ in range(robots)]
+    trial = Trial(ROOMS, None, generator.sample(ROOMS.places, robots), tours, loss=0.1, seed=seed)
+    for _ in range(4):
+        trial.run(trial.time + generator.uniform(0.0, 15.0))
+        carried = generator.randrange(robots)
+        x, y = generator.choice(ROOMS.places)
+        point = (x + generator.uniform(-0.5, 0.5), y + generator.uniform(-0.5, 0.5))
+        others = (body for index, body in enumerate(trial.bodies) if index != carried)
+        if all(math.dist(body.position, point) > 1.8 for body in others):
+            trial.carry(carried, point)
+    outcome = trial.run(1500.0)
+    assert (outcome.reached, outcome.contacts) == (outcome.asked, 0)
+
+
 @pytest.mark.parametrize("late", [0, 1])
 @pytest.mark.parametrize("since", [6.0, 12.0, 18.0])
 def test_a_robot_that_is_held_up_delays_others_and_nothing_else(late: int, since: float) -> None:

@@ -5,6 +5,9 @@ for a plan takes no further place under an older one. The plan takes effect once
 plan a robot takes the next places of its path once the robots that pass before it have left them. So no two robots
 ever hold the same place, however late reports arrive.
 
+What a robot holds and where it is both count: a robot that is away from what it holds, or that holds nothing, is an
+obstacle at its position, and a robot that finds itself elsewhere gives up what it held.
+
 No ROS, no clock: the caller passes the time [s] and the robot's pose.
 """
 
@@ -17,6 +20,9 @@ from pioneer_traffic.core.planning import planned
 from pioneer_traffic.core.report import Plan, PlanId, Report
 from pioneer_traffic.core.roadmap import Roadmap
 
+_MOVED = 0.1
+"""Distance by which a robot that stands must move to count as an obstacle elsewhere [m]: localisation is not exact."""
+
 
 @dataclass(frozen=True)
 class CoordinatorConfig:
@@ -28,6 +34,10 @@ class CoordinatorConfig:
     lease: float = 2.0  #: a robot silent for longer counts as lost: an obstacle at its last reported position
     patience: float = 20.0  #: time-out at the start for expected robots
     replan_period: float = 0.4  #: minimum time between two plans of one robot
+    #: distance from what it holds above which a robot counts as an obstacle at its position: more than ``reach``
+    stray: float = 0.4
+    carried: float = 1.0  #: distance from what it holds above which a robot has been carried elsewhere
+    memory: float = 300.0  #: a robot silent for longer is forgotten
 
 
 class Coordinator:
@@ -58,6 +68,9 @@ class Coordinator:
         self._aside: tuple[int, ...] = ()  # places held besides the track: to enter it, or to leave the roadmap
         self._made_at, self._made_for = -math.inf, ""
         self._wanted: dict[str, tuple[int, ...]] = {}  # by robot, the ground it wanted at the last check
+        self._standing: dict[str, Point] = {}  # by robot, the position at which it counts as an obstacle
+        self._held = False  # whether this robot takes no part
+        self._strays: tuple[Point, ...] = ()  # obstacles that no robot's held places cover
         #: points to drive through; the robot stops at the last one. Empty: it stays.
         self.route: list[Point] = []
         self.finished = False  #: whether the waypoint has been reached
@@ -73,6 +86,7 @@ class Coordinator:
         self._own = replace(self._own, goal=-1, region=())
         if waypoint is None:
             return True
+        self._held = False
         goal = next(self._roadmap.entries(waypoint), None)
         if goal is None:
             return False
@@ -83,6 +97,21 @@ class Coordinator:
         self._waypoint = waypoint
         return True
 
+    def hold(self) -> None:
+        """Takes the robot out of the agreement until it gets a waypoint: it stays, and others drive around it."""
+        self.set_waypoint(None, 0.0)
+        self._held = True
+        self._withdraw()
+
+    def _withdraw(self) -> None:
+        """Gives up the plan and everything held: the robot is an obstacle at its position until it holds a place."""
+        self._plan = Plan()
+        self._taken = 0
+        self._track = []
+        self._aside = ()
+        self.route = []
+        self._own = replace(self._own, held=(), out=False, adopted=PlanId(), reached=-1)
+
     def set_obstacles(self, points: Iterable[Point]) -> None:
         """Sets the positions of robots that send no reports."""
         self._obstacles = tuple(points)
@@ -90,20 +119,29 @@ class Coordinator:
     def receive(self, report: Report, now: float) -> None:
         """Stores another robot's report; a robot with a different roadmap becomes an obstacle."""
         if report.robot != self._own.robot:
-            same = report.roadmap == self._own.roadmap
-            self._others[report.robot] = report if same else replace(report, held=(), plan=None)
+            if report.roadmap != self._own.roadmap:
+                # Its numbers of places and plans mean something else here.
+                report = replace(report, held=(), plan=None, adopted=PlanId(), ready=PlanId())
+            self._others[report.robot] = report
             self._heard_at[report.robot] = now
 
     def advance(self, position: Point, now: float) -> Report:
         """Takes the places that are free, updates ``route`` and ``finished``, and returns the report to send."""
+        if now < self._advanced_at:
+            self._restart_clock()
         self._began = min(self._began, now)
+        self._forget(now)
         fresh = self._fresh(now)
         # A robot that reconnects hears the others one by one: what it knows of the rest is stale.
         if now - self._advanced_at > self._config.lease or not fresh.keys() <= set(self._own.heard):
             self._met_at = now
         self._advanced_at = now
         self._own = replace(self._own, position=position, heard=tuple(sorted(fresh)))
-        self._enter_if_left_out()
+        if self._is_carried():
+            self._withdraw()
+        self._strays = self._find_strays()
+        if not self._held:
+            self._enter_if_left_out()
         self._progress()
         self._make_plan_if_due(fresh, now)
         self._follow_newest(fresh)
@@ -112,6 +150,48 @@ class Coordinator:
             self._leave(fresh)
         self._visit()
         return self._own
+
+    def _restart_clock(self) -> None:
+        """Forgets the times from before the clock jumped back: the others have to be heard anew."""
+        self._began = math.inf
+        self._advanced_at = -math.inf
+        self._made_at = -math.inf
+        self._heard_at = dict.fromkeys(self._heard_at, -math.inf)
+
+    def _forget(self, now: float) -> None:
+        """Forgets the robots that have been silent for so long that they may have been removed."""
+        for name, heard_at in list(self._heard_at.items()):
+            if math.isinf(heard_at):
+                self._heard_at[name] = now - self._config.lease - 1.0
+            elif now - heard_at > self._config.memory:
+                del self._heard_at[name], self._others[name]
+                self._standing.pop(name, None)
+
+    def _is_carried(self) -> bool:
+        """Returns whether the robot is so far from what it holds that it has been carried elsewhere."""
+        held = self._own.held
+        return bool(held) and self._distance_to_held(self._own) > self._config.carried
+
+    def _distance_to_held(self, report: Report) -> float:
+        """Returns a robot's distance from the places that it holds, the ways between them, and its ground patches."""
+        return self._roadmap.distance_to_held(report.held, report.position)
+
+    def _find_strays(self) -> tuple[Point, ...]:
+        """Returns the positions of the other robots that are away from what they hold, or that hold nothing."""
+        away = (
+            report.position
+            for report in self._others.values()
+            if not report.held or self._distance_to_held(report) > self._config.stray
+        )
+        return (*self._obstacles, *away)
+
+    def _is_way_free(self, start: Point, end: Point) -> bool:
+        """Returns whether a way comes no nearer than the clearance to a stray robot, unless it leads away from it."""
+        least = self._roadmap.config.clearance
+        for stray in self._strays:
+            if distance_to_segment(stray, start, end) < min(least, math.dist(stray, start) - 1e-6):
+                return False
+        return True
 
     def _fresh(self, now: float) -> dict[str, Report]:
         """Returns the reports of the robots that are not lost."""
@@ -175,10 +255,22 @@ class Coordinator:
             self._aside = ()
         if not self._aside:
             del self._track[: max(passed, int(self._is_past_second()))]
+        self._give_up_blocked()
         self._publish_held()
         self.route = [self._place(index) for index in range(min(1, len(self._track) - 1), len(self._track))]
         if self._aside:
             self.route.insert(0, self._place(0))
+        if not self._is_way_free(self._own.position, self.route[0]):
+            self.route = []
+
+    def _give_up_blocked(self) -> None:
+        """Gives up the places taken ahead, from the first on whose way a stray robot stands."""
+        for index in range(1, len(self._track)):
+            start = self._own.position if index == 1 and not self._aside else self._place(index - 1)
+            if not self._is_way_free(start, self._place(index)):
+                self._taken -= len(self._track) - index
+                del self._track[index:]
+                return
 
     def _is_past_second(self) -> bool:
         """Returns whether the robot is between the second and the third place taken."""
@@ -236,9 +328,16 @@ class Coordinator:
     def _barred(self, partners: set[str]) -> frozenset[int]:
         """Returns the places near robots that are lost or never took part."""
         outsiders = [report for name, report in self._others.items() if name not in partners]
-        points = [*self._obstacles, *(report.position for report in outsiders)]
+        points = [*self._obstacles, *(self._standing_at(report) for report in outsiders)]
         near = (self._roadmap.near(point, point) for point in points)
         return frozenset[int]().union(*near, *(report.held for report in outsiders))
+
+    def _standing_at(self, report: Report) -> Point:
+        """Returns the position of a robot outside the plan; small movements do not count, or each made a new plan."""
+        before = self._standing.get(report.robot, report.position)
+        here = before if math.dist(before, report.position) < _MOVED else report.position
+        self._standing[report.robot] = here
+        return here
 
     def _follow_newest(self, fresh: dict[str, Report]) -> None:
         """Becomes ready for the newest plan, and adopts it once all its robots are ready."""
@@ -269,6 +368,9 @@ class Coordinator:
             index = self._taken + 1
             waits = (wait for wait in self._plan.waits if wait.robot == self._own.robot and wait.step == index)
             if path[index] in held or not all(self._has_left(*wait[2:], path[index]) for wait in waits):
+                return
+            way = self._roadmap.places[path[index - 1]], self._roadmap.places[path[index]]
+            if not self._is_way_free(*way):
                 return
             self._taken = index
             self._track.append(path[index])
@@ -312,10 +414,11 @@ class Coordinator:
         if not self._own.out:
             return
         if self._visited == self._waypoint and self._visited is not None:
-            self.route = [self._visited]
+            self.route = [self._visited] if self._is_way_free(self._own.position, self._visited) else []
             self.finished = self.finished or self._is_near(self._visited)
         else:
-            self.route = [self._place(0)]
+            back = self._place(0)
+            self.route = [back] if self._is_way_free(self._own.position, back) else []
             if self._is_near(self._place(0)):
                 self._aside, self._own = (), replace(self._own, out=False)
                 self._publish_held()

@@ -8,8 +8,9 @@ lattice.
 import math
 import zlib
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,6 +134,17 @@ class Roadmap:
             for col in cols
             if distance_to_segment((col * _PATCH, row * _PATCH), start, end) < radius
         }
+
+    def distance_to_held(self, held: Sequence[int], point: Point) -> float:
+        """Returns the distance from a point to held places and the ways between them; 0 on a held ground patch."""
+        if not self._patches(point, point).isdisjoint(held):
+            return 0.0
+        places = [place for place in held if 0 <= place < len(self.places)]
+        least = min((math.dist(self.places[place], point) for place in places), default=math.inf)
+        for place, following in pairwise(places):
+            if following in self.neighbours[place]:
+                least = min(least, distance_to_segment(point, self.places[place], self.places[following]))
+        return least
 
     def entries(self, point: Point) -> Iterator[int]:
         """Yields the places that a robot at ``point`` can reach in a straight line, the nearest first."""

@@ -116,6 +116,12 @@ class Trial:
         asked = sum(len(tour) for tour in self._tours)
         return Outcome(sum(self._reached), asked, len(self._touching), tuple(self._finished), self.gap, self.shared)
 
+    def carry(self, index: int, point: Point) -> None:
+        """Puts a robot elsewhere, as if somebody carried it."""
+        body = self.bodies[index]
+        body.x, body.y = point
+        body.speed = 0.0
+
     def step(self) -> None:
         """Advances by one time step; robots send their reports in turn, not all at once."""
         self._steps += 1
