@@ -48,7 +48,8 @@ def show_help(command: str) -> None:
 
         bench()
     else:
-        from pioneer_demo.core.option import CONFIGS, Machine, experiment_config
+        from pioneer_demo.core.option import CONFIGS, Machine
+        from pioneer_demo.core.study_option import experiment_config
 
         worlds = (SOURCE / "pioneer_gazebo_ros" / "pioneer_gazebo" / "worlds").glob("*.world")
         machine = Machine(dict.fromkeys(sorted(path.stem for path in worlds), 1), 0, 1.0)

@@ -6,8 +6,9 @@ import pytest
 from pioneer_demo.adapters.scenario_file import scenario_folder, scenario_of
 from pioneer_demo.core.comparison import frame_of, summary_of
 from pioneer_demo.core.error import OptionError
-from pioneer_demo.core.option import Machine, experiment_config
+from pioneer_demo.core.option import Machine
 from pioneer_demo.core.study import Run, Study, merged, row_of
+from pioneer_demo.core.study_option import experiment_config
 from pioneer_node.adapters.document import read_content, read_document
 
 
@@ -21,10 +22,18 @@ def test_the_shipped_study_changes_the_local_planner():
     assert dwa.parameters["move_base/base_local_planner"] == "dwa_local_planner/DWAPlannerROS"
 
 
-@pytest.mark.parametrize("words", [["--jobs", "0"], ["--jobs", "99999999999"], ["--runs", "-1"]])
-def test_a_number_of_jobs_or_runs_out_of_range_is_refused(words):
-    with pytest.raises(OptionError, match="--jobs must be 1 to 1000 and --runs 0 or more"):
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--jobs", "0"], "--jobs must be 1 to 1000, not 0"),
+        (["--jobs", "99999999999"], "--jobs must be 1 to 1000, not 99999999999"),
+        (["--runs", "-2"], "--runs must be 0 (as in the file) or more, not -2"),
+    ],
+)
+def test_a_number_of_jobs_or_runs_out_of_range_is_refused_by_its_name(words, text):
+    with pytest.raises(OptionError) as caught:
         experiment_config(["study.yaml", *words], Machine({}, 0, 2))
+    assert str(caught.value) == text
 
 
 def test_runs_come_seed_by_seed_so_that_an_early_end_still_compares():

@@ -1,5 +1,7 @@
 """Exception hierarchy of this package; each message is one line for the user."""
 
+from pathlib import Path
+
 
 class DemoError(Exception):
     """Base class of all errors that end a demo."""
@@ -7,6 +9,15 @@ class DemoError(Exception):
 
 class OptionError(DemoError):
     """A command line argument is invalid."""
+
+
+class FolderInUseError(OptionError):
+    """An output folder belongs to another running command."""
+
+    def __init__(self, folder: Path, owner: str) -> None:
+        self.folder = folder
+        self.owner = f"process {owner}" if owner else "another command"
+        super().__init__(f"{folder} is in use by {self.owner}: wait for its end, or give another folder")
 
 
 class VideoError(DemoError):

@@ -1,11 +1,11 @@
-"""Command lines of ``./pioneer fleet``, ``demo``, ``run-scenario`` and ``experiment``."""
+"""Command lines of ``./pioneer fleet``, ``demo`` and ``run-scenario``."""
 
 import argparse
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, NoReturn
+from typing import Any, ClassVar, NoReturn, Self
 
 from pioneer_demo.core.error import OptionError
 from pioneer_demo.core.scenario import Fault, Goal, Scenario, Success
@@ -15,8 +15,6 @@ OBSERVER = "fleet_observer"
 """Name of the node that observes the fleet, and of its ring in lockstep."""
 _ROBOTS_A_PROCESSOR = 6.75
 """Robots, with navigation and gateway, that one processor runs in real time (docs/performance.md)."""
-MOST_JOBS = 1000
-"""Maximum number of workers on one machine; each runs a fleet."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -79,6 +77,15 @@ class FleetConfig:
         """The output folder, with its option."""
         return "--log", self.log
 
+    @property
+    def has_default_output(self) -> bool:
+        """Whether the output folder is the command's own, which nobody has chosen."""
+        return self.output == type(self)().output
+
+    def with_output(self, folder: Path) -> Self:
+        """Returns the same fleet with another output folder."""
+        return dataclasses.replace(self, log=folder)
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DemoConfig(FleetConfig):
@@ -104,17 +111,16 @@ class DemoConfig(FleetConfig):
         """The output folder, with its option."""
         return "--report", self.report
 
+    def with_output(self, folder: Path) -> Self:
+        """Returns the same demo with another output folder."""
+        log = folder / "log"
+        fleet = _written_fleet(log) if self.entries else self.fleet
+        return dataclasses.replace(self, report=folder, log=log, fleet=fleet)
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class ExperimentConfig:
-    """Configuration of an experiment."""
 
-    study: Path  #: the study's file
-    runs: int = 0  #: runs per variant; 0 for the file's value
-    jobs: int = 1  #: workers on this machine
-    scheduler: str = ""  #: address of a dask scheduler to use instead; empty for none
-    output: Path  #: the study's folder
-    keep: bool = False  #: whether to keep each run's report and logs
+def _written_fleet(log: Path) -> Path:
+    """Returns the path of the fleet file that a scenario's run writes."""
+    return (log / "fleet.yaml").absolute()
 
 
 def _is_path(world: str) -> bool:
@@ -187,7 +193,7 @@ def scenario_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
     values = {**given, **options, **{name: getattr(said, name) for name in fields}, "robots": count, "fleet": None}
     chosen: dict[str, Any] = {**_chosen(values, machine), "names": said.names}
     if said.entries:
-        chosen |= {"entries": said.entries, "fleet": (log / "fleet.yaml").absolute()}
+        chosen |= {"entries": said.entries, "fleet": _written_fleet(log)}
     extras = {name: getattr(said, name) for name in ("parameters", "programs", "goals", "faults", "success")}
     config = DemoConfig(**chosen, **extras, log=log, scenario=file)
     if config.linked and config.lockstep:
@@ -196,17 +202,6 @@ def scenario_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
         raise OptionError("--record: the robots' masters cannot be reached where links have faults")
     _check_demo(config)
     return config
-
-
-def experiment_config(arguments: Sequence[str], machine: Machine) -> ExperimentConfig:
-    """Returns the configuration of ``./pioneer experiment``; see `demo_config`."""
-    values = vars(_experiment_parser().parse_args(arguments))
-    values["output"] = values["output"] or Path(f"{values['study'].stem}-study")
-    values["jobs"] = max(1, int(machine.processors)) if values["jobs"] is None else values["jobs"]
-    if not (1 <= values["jobs"] <= MOST_JOBS and values["runs"] >= 0):
-        text = f"--jobs must be 1 to {MOST_JOBS} and --runs 0 or more, not {values['jobs']} and {values['runs']}"
-        raise OptionError(text)
-    return ExperimentConfig(**values)
 
 
 CONFIGS = {"demo": demo_config, "fleet": fleet_config, "run-scenario": scenario_config}
@@ -372,22 +367,4 @@ def _demo_parser(worlds: Sequence[str]) -> Parser:
     add("--limit", type=float, default=default.limit, metavar="T",
         help="simulated seconds until a fleet counts as stuck (default: in proportion to the way)")  # fmt: skip
     _add_outputs(parser)
-    return parser
-
-
-def _experiment_parser() -> Parser:
-    parser = Parser(
-        "experiment",
-        "Runs a scenario many times: variants, each with the same seeds. Writes a table, a summary and a\n"
-        "page with figures. What is done is kept: the same command continues after Ctrl-C.",
-        "Exit status: 0 when all runs are done, 1 when not, 2 for a wrong file or option, 130 after Ctrl-C.\n"
-        "Example: ./pioneer experiment head_on_planners.yaml --runs 100",
-    )
-    add = parser.add_argument
-    add("study", type=Path, metavar="STUDY", help="the study's file (pioneer_demo's README has its fields)")
-    add("--runs", type=int, default=0, metavar="N", help="of each variant, instead of the file's")
-    add("--jobs", type=int, metavar="J", help="runs at a time on this machine (default: its processors)")
-    add("--scheduler", default="", metavar="URL", help="a dask scheduler, tcp://…, whose workers do the runs")
-    add("--output", type=Path, metavar="DIR", help="the study's folder (default: STUDY-study)")
-    add("--keep", action="store_true", help="keep each run's report and logs, in DIR/reports")
     return parser

@@ -17,9 +17,10 @@ from pioneer_demo.adapters.interrupt import Interrupt, Interrupted
 from pioneer_demo.adapters.scenario_file import scenario_of, scenario_path
 from pioneer_demo.adapters.study_report import write_report
 from pioneer_demo.core.error import DemoError, OptionError
-from pioneer_demo.core.option import ExperimentConfig, Machine, experiment_config
+from pioneer_demo.core.option import Machine
 from pioneer_demo.core.scenario import Scenario
 from pioneer_demo.core.study import Run, Study, merged
+from pioneer_demo.core.study_option import ExperimentConfig, experiment_config
 from pioneer_harness.proc import processors
 from pioneer_node.adapters.document import read_content, read_document
 from pioneer_node.core.document import DocumentError

@@ -1,6 +1,7 @@
 """Entry point of the commands ``fleet``, ``demo`` and ``run-scenario``."""
 
 import dataclasses
+import itertools
 import os
 import secrets
 import shlex
@@ -13,12 +14,13 @@ import yaml
 
 from pioneer_demo.adapters.interrupt import Interrupt, Interrupted, mute
 from pioneer_demo.adapters.network import enter
+from pioneer_demo.adapters.output_folder import FolderLock
 from pioneer_demo.adapters.processes import FleetProcesses
 from pioneer_demo.adapters.scenario_file import read_scenario
 from pioneer_demo.adapters.stopwatch import Stopwatch
 from pioneer_demo.adapters.world_folder import place_count, places_by_world
 from pioneer_demo.core.command import written_files
-from pioneer_demo.core.error import DemoError, OptionError
+from pioneer_demo.core.error import DemoError, FolderInUseError, OptionError
 from pioneer_demo.core.option import CONFIGS, DemoConfig, FleetConfig, Machine
 from pioneer_harness.error import HarnessError
 from pioneer_harness.proc import processors
@@ -47,9 +49,11 @@ def main(words: Sequence[str], interrupt: Interrupt) -> int:
         config = _configured(command, arguments)
         if config.linked:
             enter(words)
-        _make_outputs(config)
-        interrupt.check()
-        return _run(config, watch, interrupt)
+        _check_files(config)
+        config, lock = _made_output(config)
+        with lock:
+            interrupt.check()
+            return _run(config, watch, interrupt)
     except Interrupted as error:
         print(f"{error}: every process of this {command} has ended.")
         return error.status
@@ -127,11 +131,11 @@ def _check_map(world: Path, simulator: Path) -> None:
         raise OptionError(f"--world: it has no map {path}; draw it: {draw}")
 
 
-def _make_outputs(config: FleetConfig) -> None:
-    """Checks the output paths; creates the output folders and the files that the fleet's commands read.
+def _check_files(config: FleetConfig) -> None:
+    """Checks that video and recording can be written.
 
     Raises:
-        OptionError: an output cannot be written.
+        OptionError: a folder is missing or read-only.
         VideoError: no video can be made.
     """
     if isinstance(config, DemoConfig) and config.video is not None:
@@ -141,6 +145,39 @@ def _make_outputs(config: FleetConfig) -> None:
         encoder()
     if config.record is not None:
         _check_folder("--record", config.record.parent)
+
+
+def _made_output(config: FleetConfig) -> tuple[FleetConfig, FolderLock]:
+    """Creates the output folder and the files in it that the fleet's commands read.
+
+    A default folder that belongs to a running command is replaced by the first of ``NAME-2``, ``NAME-3``, … that
+    does not.
+
+    Returns:
+        The configuration with that folder, and the folder's lock.
+
+    Raises:
+        OptionError: the folder cannot be written to, or was given and belongs to a running command.
+    """
+    first = config.output[1]
+    own = config
+    for number in itertools.count(2):
+        try:
+            lock = _locked(own)
+            break
+        except FolderInUseError as error:
+            if not config.has_default_output:
+                raise OptionError(f"{config.output[0]}: {error}") from None
+            own = config.with_output(first.with_name(f"{first.name}-{number}"))
+            print(f"{error.folder} is in use by {error.owner}: this {config.output[0].strip('-')} goes to", end=" ")
+            print(own.output[1], flush=True)
+    for name, content in written_files(own).items():
+        (own.log / name).write_text(yaml.safe_dump(content))
+    return own, lock
+
+
+def _locked(config: FleetConfig) -> FolderLock:
+    """Creates and locks the folder of the logs, inside the output folder."""
     option, folder = config.output
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -149,9 +186,7 @@ def _make_outputs(config: FleetConfig) -> None:
     except OSError as error:
         raise OptionError(f"{option}: cannot create the folder {folder} ({error.strerror})") from None
     _check_folder(option, folder)
-    for name, content in written_files(config).items():
-        config.log.mkdir(exist_ok=True)
-        (config.log / name).write_text(yaml.safe_dump(content))
+    return FolderLock(config.log)
 
 
 def _check_folder(option: str, folder: Path) -> None:
