@@ -12,32 +12,15 @@ No ROS, no clock: the caller passes the time [s] and the robot's pose.
 """
 
 import math
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
+from pioneer_traffic.core.config import CoordinatorConfig
 from pioneer_traffic.core.geometry import Point, distance_to_segment
+from pioneer_traffic.core.neighbours import Neighbours, comes_by, ground_wanted, is_ready
 from pioneer_traffic.core.planning import planned
 from pioneer_traffic.core.report import Plan, PlanId, Report
 from pioneer_traffic.core.roadmap import Roadmap
-
-_MOVED = 0.1
-"""Distance by which a robot that stands must move to count as an obstacle elsewhere [m]: localisation is not exact."""
-
-
-@dataclass(frozen=True)
-class CoordinatorConfig:
-    """Times [s] and distances [m]."""
-
-    horizon: int = 3  #: number of places that a robot takes ahead
-    #: distance at which a place or the waypoint counts as reached: a bit more than the navigation's goal tolerance
-    reach: float = 0.3
-    lease: float = 2.0  #: a robot silent for longer counts as lost: an obstacle at its last reported position
-    patience: float = 20.0  #: time-out at the start for expected robots
-    replan_period: float = 0.4  #: minimum time between two plans of one robot
-    #: distance from what it holds above which a robot counts as an obstacle at its position: more than ``reach``
-    stray: float = 0.4
-    carried: float = 1.0  #: distance from what it holds above which a robot has been carried elsewhere
-    memory: float = 300.0  #: a robot silent for longer is forgotten
 
 
 class Coordinator:
@@ -56,8 +39,7 @@ class Coordinator:
         self._config = config or CoordinatorConfig()
         self._roadmap, self._expected = roadmap, frozenset(expected) - {name}
         self._own = Report(name, roadmap.signature, (0.0, 0.0))
-        self._others: dict[str, Report] = {}
-        self._heard_at: dict[str, float] = {}
+        self._neighbours = Neighbours(roadmap, self._config)
         self._obstacles: tuple[Point, ...] = ()
         self._began, self._advanced_at, self._met_at = math.inf, -math.inf, -math.inf
         self._waypoint: Point | None = None
@@ -68,7 +50,6 @@ class Coordinator:
         self._aside: tuple[int, ...] = ()  # places held besides the track: to enter it, or to leave the roadmap
         self._made_at, self._made_for = -math.inf, ""
         self._wanted: dict[str, tuple[int, ...]] = {}  # by robot, the ground it wanted at the last check
-        self._standing: dict[str, Point] = {}  # by robot, the position at which it counts as an obstacle
         self._held = False  # whether this robot takes no part
         self._strays: tuple[Point, ...] = ()  # obstacles that no robot's held places cover
         #: points to drive through; the robot stops at the last one. Empty: it stays.
@@ -119,19 +100,15 @@ class Coordinator:
     def receive(self, report: Report, now: float) -> None:
         """Stores another robot's report; a robot with a different roadmap becomes an obstacle."""
         if report.robot != self._own.robot:
-            if report.roadmap != self._own.roadmap:
-                # Its numbers of places and plans mean something else here.
-                report = replace(report, held=(), plan=None, adopted=PlanId(), ready=PlanId())
-            self._others[report.robot] = report
-            self._heard_at[report.robot] = now
+            self._neighbours.receive(report, now)
 
     def advance(self, position: Point, now: float) -> Report:
         """Takes the places that are free, updates ``route`` and ``finished``, and returns the report to send."""
         if now < self._advanced_at:
             self._restart_clock()
         self._began = min(self._began, now)
-        self._forget(now)
-        fresh = self._fresh(now)
+        self._neighbours.forget_removed(now)
+        fresh = self._neighbours.fresh(now)
         # A robot that reconnects hears the others one by one: what it knows of the rest is stale.
         if now - self._advanced_at > self._config.lease or not fresh.keys() <= set(self._own.heard):
             self._met_at = now
@@ -139,7 +116,7 @@ class Coordinator:
         self._own = replace(self._own, position=position, heard=tuple(sorted(fresh)))
         if self._is_carried():
             self._withdraw()
-        self._strays = self._find_strays()
+        self._strays = (*self._obstacles, *self._neighbours.strays())
         if not self._held:
             self._enter_if_left_out()
         self._progress()
@@ -152,38 +129,16 @@ class Coordinator:
         return self._own
 
     def _restart_clock(self) -> None:
-        """Forgets the times from before the clock jumped back: the others have to be heard anew."""
+        """Forgets the times from before the clock jumped back: the others have to be heard again."""
         self._began = math.inf
         self._advanced_at = -math.inf
         self._made_at = -math.inf
-        self._heard_at = dict.fromkeys(self._heard_at, -math.inf)
-
-    def _forget(self, now: float) -> None:
-        """Forgets the robots that have been silent for so long that they may have been removed."""
-        for name, heard_at in list(self._heard_at.items()):
-            if math.isinf(heard_at):
-                self._heard_at[name] = now - self._config.lease - 1.0
-            elif now - heard_at > self._config.memory:
-                del self._heard_at[name], self._others[name]
-                self._standing.pop(name, None)
+        self._neighbours.restart_clock()
 
     def _is_carried(self) -> bool:
         """Returns whether the robot is so far from what it holds that it has been carried elsewhere."""
         held = self._own.held
-        return bool(held) and self._distance_to_held(self._own) > self._config.carried
-
-    def _distance_to_held(self, report: Report) -> float:
-        """Returns a robot's distance from the places that it holds, the ways between them, and its ground patches."""
-        return self._roadmap.distance_to_held(report.held, report.position)
-
-    def _find_strays(self) -> tuple[Point, ...]:
-        """Returns the positions of the other robots that are away from what they hold, or that hold nothing."""
-        away = (
-            report.position
-            for report in self._others.values()
-            if not report.held or self._distance_to_held(report) > self._config.stray
-        )
-        return (*self._obstacles, *away)
+        return bool(held) and self._roadmap.distance_to_held(held, self._own.position) > self._config.carried
 
     def _is_way_free(self, start: Point, end: Point) -> bool:
         """Returns whether a way comes no nearer than the clearance to a stray robot, unless it leads away from it."""
@@ -192,14 +147,6 @@ class Coordinator:
             if distance_to_segment(stray, start, end) < min(least, math.dist(stray, start) - 1e-6):
                 return False
         return True
-
-    def _fresh(self, now: float) -> dict[str, Report]:
-        """Returns the reports of the robots that are not lost."""
-        return {
-            name: report
-            for name, report in self._others.items()
-            if 0.0 <= now - self._heard_at[name] <= self._config.lease
-        }
 
     def _place(self, index: int) -> Point:
         return self._roadmap.places[self._track[index]]
@@ -217,7 +164,7 @@ class Coordinator:
             return
         others = {
             place
-            for report in self._others.values()
+            for report in self._neighbours.reports.values()
             if report.adopted != PlanId() or report.robot < own.robot
             for place in report.held
         }
@@ -234,7 +181,7 @@ class Coordinator:
     def _leads_by_another(self, place: int) -> bool:
         """Returns whether the path to a place comes within the clearance of a robot without a plan, nearer than now."""
         own, end, least = self._own.position, self._roadmap.places[place], self._roadmap.config.clearance
-        standing = [report.position for report in self._others.values() if report.adopted == PlanId()]
+        standing = [report.position for report in self._neighbours.reports.values() if report.adopted == PlanId()]
         return any(distance_to_segment(at, own, end) < min(least, math.dist(own, at)) - 1e-6 for at in standing)
 
     def _publish_held(self) -> None:
@@ -281,7 +228,7 @@ class Coordinator:
     def _make_plan_if_due(self, fresh: dict[str, Report], now: float) -> None:
         """Makes a plan if this robot is the planner and the last plan no longer fits."""
         config = self._config
-        is_complete = self._expected <= self._others.keys() or now - self._began >= config.patience
+        is_complete = self._expected <= self._neighbours.reports.keys() or now - self._began >= config.patience
         is_settled = now - self._met_at >= config.lease and now - self._made_at >= config.replan_period
         if not (is_complete and is_settled):
             return
@@ -291,13 +238,13 @@ class Coordinator:
         barred = self._barred({report.robot for report in reports})
         made_for = repr(([(one.robot, one.goal, one.out and one.goal != one.stop) for one in reports], sorted(barred)))
         # A robot that leaves its goal to let others pass wants no ground until it is back: that plan still fits.
-        wanted, before = {one.robot: _ground_wanted(one) for one in reports}, self._wanted
+        wanted, before = {one.robot: ground_wanted(one) for one in reports}, self._wanted
         self._wanted = wanted
         wants_more = any(ground and ground != before.get(name) for name, ground in wanted.items())
         if made_for == self._made_for and not wants_more and not self._is_overtaken(reports, now):
             return
         self._made_at, self._made_for = now, made_for
-        number = 1 + max(report.ready.number for report in (self._own, *self._others.values()))
+        number = 1 + max(report.ready.number for report in (self._own, *self._neighbours.reports.values()))
         plan = planned(self._roadmap, reports, barred, PlanId(number, self._own.robot))
         self._own = replace(self._own, plan=plan)
 
@@ -316,28 +263,21 @@ class Coordinator:
         plan = self._own.plan
         if plan is None or plan.id < self._own.ready or plan.paths.keys() != {report.robot for report in reports}:
             return True
-        if any(one.ready == plan.id and not _is_ready(one, plan) for one in reports):
+        if any(one.ready == plan.id and not is_ready(one, plan) for one in reports):
             return True
         driven = all(one.adopted == plan.id and one.reached == len(plan.paths[one.robot]) - 1 for one in reports)
         missing = any(
-            one.goal not in (-1, one.stop) or not set(_ground_wanted(one)) <= set(plan.regions.get(one.robot, ()))
+            one.goal not in (-1, one.stop) or not set(ground_wanted(one)) <= set(plan.regions.get(one.robot, ()))
             for one in reports
         )
         return driven and missing and now - self._made_at > self._config.lease
 
     def _barred(self, partners: set[str]) -> frozenset[int]:
         """Returns the places near robots that are lost or never took part."""
-        outsiders = [report for name, report in self._others.items() if name not in partners]
-        points = [*self._obstacles, *(self._standing_at(report) for report in outsiders)]
+        outsiders = [report for name, report in self._neighbours.reports.items() if name not in partners]
+        points = [*self._obstacles, *(self._neighbours.standing_at(report) for report in outsiders)]
         near = (self._roadmap.near(point, point) for point in points)
         return frozenset[int]().union(*near, *(report.held for report in outsiders))
-
-    def _standing_at(self, report: Report) -> Point:
-        """Returns the position of a robot outside the plan; small movements do not count, or each made a new plan."""
-        before = self._standing.get(report.robot, report.position)
-        here = before if math.dist(before, report.position) < _MOVED else report.position
-        self._standing[report.robot] = here
-        return here
 
     def _follow_newest(self, fresh: dict[str, Report]) -> None:
         """Becomes ready for the newest plan, and adopts it once all its robots are ready."""
@@ -351,7 +291,7 @@ class Coordinator:
                 self._plan, self._own = Plan(), replace(self._own, adopted=PlanId())
             return
         everyone = {**fresh, self._own.robot: self._own}
-        if all(name in everyone and _is_ready(everyone[name], newest) for name in newest.paths):
+        if all(name in everyone and is_ready(everyone[name], newest) for name in newest.paths):
             self._plan, self._taken = newest, 0
             self._own = replace(self._own, adopted=newest.id)
             self._publish_held()
@@ -381,7 +321,7 @@ class Coordinator:
         return {place for report in fresh.values() if report.robot not in self._plan.paths for place in report.held}
 
     def _has_left(self, name: str, index: int, place: int) -> bool:
-        other = self._others[name]
+        other = self._neighbours.reports[name]
         return other.adopted == self._plan.id and (other.reached >= index or (index == 0 and place not in other.held))
 
     def _leave(self, fresh: dict[str, Report]) -> None:
@@ -401,8 +341,8 @@ class Coordinator:
         if not own.region:
             self.finished = True
             return
-        others = [self._others[name] for name in plan.paths if name != own.robot]
-        free = all(other.adopted == plan.id and not _comes_by(other, plan, own.region) for other in others)
+        others = [self._neighbours.reports[name] for name in plan.paths if name != own.robot]
+        free = all(other.adopted == plan.id and not comes_by(other, plan, own.region) for other in others)
         free = free and self._held_outside(fresh).isdisjoint(own.region)
         if free and set(own.region) <= set(plan.regions.get(own.robot, ())):
             self._visited, self._aside = self._waypoint, own.region
@@ -422,22 +362,3 @@ class Coordinator:
             if self._is_near(self._place(0)):
                 self._aside, self._own = (), replace(self._own, out=False)
                 self._publish_held()
-
-
-def _ground_wanted(report: Report) -> tuple[int, ...]:
-    """Returns the places that a robot off the roadmap uses, or that it waits for at its goal."""
-    if report.out:
-        return report.held[:-1]
-    return report.region if report.has_arrived else ()
-
-
-def _comes_by(report: Report, plan: Plan, region: Collection[int]) -> bool:
-    """Returns whether a robot holds a place of a region or still passes one on its path."""
-    return not {*report.held, *plan.paths[report.robot][report.reached + 1 :]}.isdisjoint(region)
-
-
-def _is_ready(report: Report, plan: Plan) -> bool:
-    """Returns whether a robot has adopted the plan or can: it holds the places that the plan assumed, or fewer."""
-    held = plan.held[report.robot]
-    fits = report.stop == held[-1] and set(report.held) <= set(held)
-    return report.adopted == plan.id or (report.ready == plan.id and fits)

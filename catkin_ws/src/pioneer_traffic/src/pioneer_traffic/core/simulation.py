@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pioneer_traffic.core.coordinator import Coordinator, CoordinatorConfig
+from pioneer_traffic.core.config import CoordinatorConfig
+from pioneer_traffic.core.coordinator import Coordinator
 from pioneer_traffic.core.geometry import Point
 from pioneer_traffic.core.roadmap import FreeSpace, Roadmap
 

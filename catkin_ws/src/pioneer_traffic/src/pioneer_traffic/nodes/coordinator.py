@@ -22,7 +22,8 @@ from pioneer_node.nodes import entry
 from pioneer_node.nodes.rospy_handle import RospyHandle
 from pioneer_node.nodes.standing_warning import StandingWarning
 from pioneer_traffic.conversions import message_from_report, report_from_message
-from pioneer_traffic.core.coordinator import Coordinator, CoordinatorConfig
+from pioneer_traffic.core.config import CoordinatorConfig
+from pioneer_traffic.core.coordinator import Coordinator
 from pioneer_traffic.core.roadmap import FreeSpace, Roadmap, roadmap_from_space
 from pioneer_traffic.msg import Report as ReportMessage
 from simple_navigation_goals.adapters.move_base import MoveBase

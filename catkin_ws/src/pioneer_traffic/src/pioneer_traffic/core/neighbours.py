@@ -1,0 +1,92 @@
+"""What one robot knows of the others: their reports, who is lost, and who is an obstacle where it stands."""
+
+import math
+from collections.abc import Collection
+from dataclasses import replace
+
+from pioneer_traffic.core.config import CoordinatorConfig
+from pioneer_traffic.core.geometry import Point
+from pioneer_traffic.core.report import Plan, PlanId, Report
+from pioneer_traffic.core.roadmap import Roadmap
+
+_MOVED = 0.1
+"""Distance by which a robot that stands must move to count as an obstacle elsewhere [m]: localisation is not exact."""
+
+
+class Neighbours:
+    """The other robots, by their reports.
+
+    Args:
+        roadmap: this robot's.
+        config: the same for all robots.
+    """
+
+    def __init__(self, roadmap: Roadmap, config: CoordinatorConfig) -> None:
+        self._roadmap = roadmap
+        self._config = config
+        self._signature = roadmap.signature
+        self.reports: dict[str, Report] = {}  #: the newest one of each robot that is not forgotten
+        self._heard_at: dict[str, float] = {}
+        self._standing: dict[str, Point] = {}  # by robot, the position at which it counts as an obstacle
+
+    def receive(self, report: Report, now: float) -> None:
+        """Stores a report; a robot with a different roadmap becomes an obstacle."""
+        if report.roadmap != self._signature:
+            # Its numbers of places and plans mean something else here.
+            report = replace(report, held=(), plan=None, adopted=PlanId(), ready=PlanId())
+        self.reports[report.robot] = report
+        self._heard_at[report.robot] = now
+
+    def fresh(self, now: float) -> dict[str, Report]:
+        """Returns the reports of the robots that are not lost."""
+        lease = self._config.lease
+        return {name: report for name, report in self.reports.items() if now - self._heard_at[name] <= lease}
+
+    def restart_clock(self) -> None:
+        """Counts all robots as lost, because the clock jumped back; they have to be heard again."""
+        self._heard_at = dict.fromkeys(self._heard_at, -math.inf)
+
+    def forget_removed(self, now: float) -> None:
+        """Forgets the robots that have been silent for so long that they may have been removed."""
+        for name, heard_at in list(self._heard_at.items()):
+            if math.isinf(heard_at):
+                # The clock has just jumped back: lost, but not for long.
+                self._heard_at[name] = now - 2.0 * self._config.lease
+            elif now - heard_at > self._config.memory:
+                del self._heard_at[name], self.reports[name]
+                self._standing.pop(name, None)
+
+    def strays(self) -> list[Point]:
+        """Returns the positions of robots that are away from what they hold, or that hold nothing."""
+        return [report.position for report in self.reports.values() if self._is_stray(report)]
+
+    def _is_stray(self, report: Report) -> bool:
+        if not report.held:
+            return True
+        return self._roadmap.distance_to_held(report.held, report.position) > self._config.stray
+
+    def standing_at(self, report: Report) -> Point:
+        """Returns the position of a robot outside the plan; without small movements, or each made a new plan."""
+        before = self._standing.get(report.robot, report.position)
+        here = before if math.dist(before, report.position) < _MOVED else report.position
+        self._standing[report.robot] = here
+        return here
+
+
+def ground_wanted(report: Report) -> tuple[int, ...]:
+    """Returns the places that a robot off the roadmap uses, or that it waits for at its goal."""
+    if report.out:
+        return report.held[:-1]
+    return report.region if report.has_arrived else ()
+
+
+def comes_by(report: Report, plan: Plan, region: Collection[int]) -> bool:
+    """Returns whether a robot holds a place of a region or still passes one on its path."""
+    return not {*report.held, *plan.paths[report.robot][report.reached + 1 :]}.isdisjoint(region)
+
+
+def is_ready(report: Report, plan: Plan) -> bool:
+    """Returns whether a robot has adopted the plan or can: it holds the places that the plan assumed, or fewer."""
+    held = plan.held[report.robot]
+    fits = report.stop == held[-1] and set(report.held) <= set(held)
+    return report.adopted == plan.id or (report.ready == plan.id and fits)
