@@ -7,7 +7,7 @@ from containers.engine import Computer, ContainerError, say
 from containers.fleet_plan import DOWN, FleetPlan
 from containers.layout import stack_text
 from containers.registry import distribute
-from containers.state import SHIPPED, certificates, project, secret, stack
+from containers.state import SHIPPED, certificates, project, secret, stack, write_whole
 from containers.swarm import BASE_LABEL, awaited, check_engines, nodes
 
 RUNNING, RUNNING_PER_ROBOT = 180.0, 10.0
@@ -85,8 +85,7 @@ class Deployment:
 
     def _deploy(self, plan: FleetPlan, image: str) -> None:
         base_on = f"node.labels.{BASE_LABEL}==base" if any(one.base for one in self._nodes) else "node.role==manager"
-        self.stack.file.parent.mkdir(parents=True, exist_ok=True)
-        self.stack.file.write_text(stack_text(SHIPPED.read_text(), plan.robots, base_on, plan.factor))
+        write_whole(self.stack.file, stack_text(SHIPPED.read_text(), plan.robots, base_on, plan.factor))
         self.stack.deploy(
             PIONEER_IMAGE=image,
             PIONEER_HUB_PASSWORD_FILE=str(secret("hub-password")),

@@ -162,8 +162,9 @@ def source_hash() -> str:
     files = [ROOT / part for part in _PARTS]
     files += (path for path in (ROOT / "catkin_ws" / "src").rglob("*") if path.is_file() and not path.is_symlink())
     for path in sorted(files):
-        if "__pycache__" not in path.parts and "test" not in path.parts:
-            found.update(f"{path.relative_to(ROOT)} {path.stat().st_mode & 0o111}\n".encode())
+        inside = path.relative_to(ROOT)
+        if "__pycache__" not in inside.parts and "test" not in inside.parts:
+            found.update(f"{inside} {path.stat().st_mode & 0o111}\n".encode())
             found.update(path.read_bytes())
     return found.hexdigest()[:32]
 

@@ -10,8 +10,24 @@ MOST = 150
 """Number of robots that fit into the tutorial's addresses, 192.168.2.101 to 250."""
 
 
-def compose_text(shipped: str, robots: int) -> str:
+SUBNET, DEFAULT_SUBNET = "PIONEER_SUBNET", "192.168.2"
+"""Variable with the first three numbers of the computers' addresses, and its default: the tutorial's."""
+_SUBNET = re.compile(rf"\$\{{{SUBNET}:-([0-9.]+)\}}")
+
+
+def subnet_of(text: str) -> str:
+    """Returns the subnet of a compose file's computers when ``PIONEER_SUBNET`` is not set; empty if it names none."""
+    found = _SUBNET.search(text)
+    return found[1] if found else ""
+
+
+def compose_text(shipped: str, robots: int, subnet: str = DEFAULT_SUBNET) -> str:
     """Returns the compose file for ``robots`` robots, made from the text of the shipped one.
+
+    Args:
+        shipped: docker/compose.yaml.
+        robots: number of robots.
+        subnet: addresses of the computers when ``PIONEER_SUBNET`` is not set.
 
     Raises:
         ContainerError: the number of robots is not possible.
@@ -21,7 +37,9 @@ def compose_text(shipped: str, robots: int) -> str:
     first = re.search(r"^  aadi1:\n(?:^    .*\n)+\n?", shipped, re.M)
     assert first is not None, "the shipped file has a first robot"
     block = first[0]
-    return _BLOCKS.sub(lambda _: "".join(_block(block, number) for number in range(1, robots + 1)), shipped, count=1)
+    blocks = "".join(_block(block, number) for number in range(1, robots + 1))
+    text = _BLOCKS.sub(lambda _: blocks, shipped, count=1)
+    return _SUBNET.sub(f"${{{SUBNET}:-{subnet}}}", text)
 
 
 def _block(first: str, number: int) -> str:

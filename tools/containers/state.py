@@ -1,10 +1,13 @@
 """Files that ``./pioneer`` keeps: each fleet as a Compose project, and the secrets that all fleets share."""
 
+import os
 import secrets
+import tempfile
 from pathlib import Path
 
 from containers import ROOT
 from containers.engine import ContainerError, Project, compose_command
+from containers.layout import DEFAULT_SUBNET, SUBNET, subnet_of
 from containers.swarm import Stack
 from tcpros.adapters.authority import Authority
 from tcpros.adapters.tls import CERTIFICATE
@@ -46,17 +49,45 @@ def project(name: str, **variables: str) -> Project:
         "PIONEER_DESKTOP_TOKEN_FILE": str(secret("desktop-token")),
         "PIONEER_WEB_TOKEN_FILE": str(secret("web-token")),
     }
-    return Project(name, tuple(compose_command()), written if written.is_file() else SHIPPED, {**files, **variables})
+    given = {SUBNET: subnet(name), **files, **variables}
+    return Project(name, tuple(compose_command()), written if written.is_file() else SHIPPED, given)
 
 
 def secret(name: str) -> Path:
     """Returns the file with a secret: the hub's password, or a page's access token; creates it at the first call."""
     path = STATE / name
-    if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch(mode=0o600)
-        path.write_text(secrets.token_urlsafe(24) + "\n")
+    # Empty if a full disk or a signal ended an earlier release's call: an empty password would stay for ever.
+    if not path.is_file() or not path.read_text().strip():
+        write_whole(path, secrets.token_urlsafe(24) + "\n")
     return path
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Writes a file that only its owner can read: whole, or not at all. Creates its folder.
+
+    Raises:
+        ContainerError: it cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as folder:
+            part = Path(folder, path.name)
+            part.touch(mode=0o600)
+            part.write_text(text)
+            os.replace(part, path)
+    except OSError as error:
+        raise ContainerError(f"cannot write {path}: {error.strerror}") from None
+
+
+def subnet(name: str) -> str:
+    """Returns the first three numbers of the fleet's addresses: PIONEER_SUBNET, else those it was started with."""
+    return os.environ.get(SUBNET) or written_subnet(name) or DEFAULT_SUBNET
+
+
+def written_subnet(name: str) -> str:
+    """Returns the subnet that the fleet was last started in; empty if it never was."""
+    file = written_compose(name)
+    return subnet_of(file.read_text()) if file.is_file() else ""
 
 
 def certificates() -> Path:

@@ -13,10 +13,10 @@ from typing import Any
 from containers import image
 from containers.deployment import Deployment, is_on_swarm
 from containers.engine import DESKTOP, EXTRAS, WEB, Computer, ContainerError, output, say
-from containers.fleet_plan import FleetPlan, is_idle, make_fleet_plan
-from containers.layout import compose_text
+from containers.fleet_plan import DOWN, FleetPlan, is_idle, make_fleet_plan
+from containers.layout import SUBNET, compose_text
 from containers.report import follow, progress_line
-from containers.state import BASE, SHIPPED, project, secret, written_compose
+from containers.state import BASE, SHIPPED, project, secret, subnet, write_whole, written_compose, written_subnet
 from pioneer_harness.proc import processors
 
 JOINED = "/var/lib/pioneer/robots"
@@ -40,6 +40,8 @@ def up(options: Namespace) -> int:
     swarm = Deployment(options) if is_on_swarm(options) else None
     there = swarm.stack.computers() if swarm else project(options.project).computers()
     plan = make_fleet_plan(options, there, swarm.processors if swarm else processors())
+    if not swarm and plan.base:
+        _check_subnet(options.project)
     if plan.remark:
         say(plan.remark)
     image.ensure_images(options.extras, fleet=options.update or not plan.base)
@@ -48,16 +50,15 @@ def up(options: Namespace) -> int:
         built = time.monotonic()
         computers = swarm.start(plan, name)
     else:
-        file = written_compose(options.project)
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(compose_text(SHIPPED.read_text(), plan.robots))
+        text = compose_text(SHIPPED.read_text(), plan.robots, subnet(options.project))
+        write_whole(written_compose(options.project), text)
         built = time.monotonic()
         computers = _start(plan, options)
     for extra in options.extras:
         # The fleet page has to wait for the world.
         if extra == DESKTOP or (plan.base and not is_idle(plan.base)):
             _await_page(next(one for one in computers if one.name == BASE), extra)
-        say(_address(extra))
+        say(_address(extra, subnet(options.project)))
     if plan.base:
         _join(plan.base, plan.joiners(computers))
     if plan.idle:
@@ -66,6 +67,14 @@ def up(options: Namespace) -> int:
     if options.extras and not plan.started:
         return 0
     return _await(plan, computers, options.waypoints, built - began, built)
+
+
+def _check_subnet(name: str) -> None:
+    """Refuses to move a running fleet into another subnet."""
+    running = written_subnet(name)
+    given = os.environ.get(SUBNET)
+    if given and running and given != running:
+        raise ContainerError(f"{SUBNET} is {given}, and a fleet runs in {running}: {DOWN}")
 
 
 def _start(plan: FleetPlan, options: Namespace) -> list[Computer]:
@@ -101,10 +110,10 @@ def _await_page(base: Computer, extra: str) -> None:
         raise ContainerError(f"service {extra} does not answer after {START_UP:g} s; ./pioneer logs {extra}") from None
 
 
-def _address(extra: str) -> str:
+def _address(extra: str, network: str) -> str:
     """Returns the line with the page's address."""
     word = secret(f"{extra}-token").read_text().strip()
-    page = f"http://{os.environ.get('PIONEER_SUBNET', '192.168.2')}.100:{EXTRAS[extra]}"
+    page = f"http://{network}.100:{EXTRAS[extra]}"
     if extra == WEB:
         return f"Fleet page, once it is up: {page}/#{word}"
     query = {"autoconnect": "true", "resize": "scale", "path": f"websockify?token={word}"}
@@ -124,14 +133,15 @@ def _join(base: Computer, robots: Sequence[str]) -> None:
     robots = robots[int(joined) - int(base.environment["ROBOTS"]) :] if joined else robots
     if not robots:
         return
-    output(*on_base, base.container, "sh", "-c", f"echo {count} >{JOINED}")
+    names = [f"pioneer{number}" for number in range(1, int(count) + 1)]
+    output(*on_base, base.container, "rosparam", "set", "/robot_names", json.dumps(names))
+    output(*on_base, base.container, "rosrun", "rocon_flip", "flip-from-hub", count)
     for robot in robots:
         pose = " ".join(f"-{option} $(rosparam get /{robot}/{key})" for option, key in zip("xyY", "xya", strict=True))
         launch = f'exec roslaunch pioneer_description generic_pioneer.launch name:={robot} pose:="{pose}"'
         output(*on_base, "-d", base.container, "bash", "-c", f"{launch} >/proc/1/fd/1 2>&1")
-    names = [f"pioneer{number}" for number in range(1, int(count) + 1)]
-    output(*on_base, base.container, "rosparam", "set", "/robot_names", json.dumps(names))
-    output(*on_base, base.container, "rosrun", "rocon_flip", "flip-from-hub", count)
+        # Only now: if this call is interrupted, the next one adds the robots that are not counted.
+        output(*on_base, base.container, "sh", "-c", f"echo {robot.removeprefix('pioneer')} >{JOINED}")
 
 
 def _say_idle(plan: FleetPlan, computers: Sequence[Computer]) -> None:

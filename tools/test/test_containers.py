@@ -33,6 +33,22 @@ def test_every_robot_has_the_tutorials_name_and_address(robots: int) -> None:
     assert text.count("  aadiworkstation:") == text.count("ipv4_address: ${PIONEER_SUBNET:-192.168.2}.100") == 1
 
 
+def test_a_checkout_below_a_folder_called_test_has_its_sources_in_the_image(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = tmp_path / "test" / "checkout"
+    source = root / "catkin_ws" / "src" / "package"
+    (source / "test").mkdir(parents=True)
+    (source / "node.py").write_text("old")
+    monkeypatch.setattr(image, "ROOT", root)
+    monkeypatch.setattr(image, "_PARTS", ())
+    before = image.source_hash()
+    (source / "test" / "test_node.py").write_text("a package's tests are not in the image")
+    assert image.source_hash() == before
+    (source / "node.py").write_text("new")
+    assert image.source_hash() != before
+
+
 @pytest.mark.parametrize("robots", [0, -1, 151])
 def test_a_fleet_that_the_addresses_do_not_hold_is_refused(robots: int) -> None:
     with pytest.raises(ContainerError, match="1 to 150"):

@@ -1,5 +1,7 @@
 """How ``./pioneer up`` handles an existing fleet, with an engine that starts the compose file at once."""
 
+import errno
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,10 +10,11 @@ from typing import Any
 
 import pytest
 
-from containers import image, up
+from containers import image, state, up
 from containers.__main__ import main
 from containers.engine import Computer, ContainerError
 from containers.fleet_plan import choose_factor, choose_pace, places_here
+from containers.layout import SUBNET
 from containers.state import BASE
 
 
@@ -80,12 +83,13 @@ class FakeProject:
 
 @pytest.fixture
 def engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FakeEngine:
-    fake = FakeEngine(tmp_path / "compose.yaml")
+    monkeypatch.delenv(SUBNET, raising=False)
+    monkeypatch.setattr(state, "STATE", tmp_path)
+    fake = FakeEngine(state.written_compose("pioneer"))
     monkeypatch.setattr(up, "project", fake.project)
     monkeypatch.setattr(up, "follow", fake.follow)
     monkeypatch.setattr(up, "output", fake.output)
     monkeypatch.setattr(up, "processors", lambda: 8.0)
-    monkeypatch.setattr(up, "written_compose", lambda _: fake.file)
     for name in ("ensure_image", "ensure_extra_image"):
         monkeypatch.setattr(image, name, lambda *_: None)
     return fake
@@ -154,7 +158,7 @@ def test_of_a_running_fleet_only_those_that_join_are_sent_and_awaited_moving(
     running = dict.fromkeys({BASE} | names(1, 2, 3, 4, 5), ("ready", 0))
     assert engine.asked == {**running, **dict.fromkeys(names(6, 7), ("moving", 3))}
     assert [text for text in engine.executed if "generic_pioneer" in text and "name:=pioneer7" in text]
-    assert engine.executed[-1].endswith("flip-from-hub 7")
+    assert len([text for text in engine.executed if text.endswith("flip-from-hub 7")]) == 1
     assert "2 more robots drive after" in capsys.readouterr().out
 
 
@@ -176,6 +180,63 @@ def test_a_robot_whose_computer_was_late_and_one_whose_world_began_again_elsewhe
     assert [text for text in engine.executed if "name:=pioneer3" in text]
     assert engine.up() == 0
     assert not engine.executed
+
+
+def test_robots_of_an_interrupted_up_are_added_by_the_next(engine: FakeEngine, monkeypatch: pytest.MonkeyPatch) -> None:
+    engine.up("--robots 2")
+    ended = []
+
+    def interrupted(*command: str) -> str:
+        if "name:=pioneer4" in command[-1] and not ended:
+            ended.append(command)
+            raise KeyboardInterrupt
+        return engine.output(*command)
+
+    monkeypatch.setattr(up, "output", interrupted)
+    assert engine.up("--robots 5") == 130
+    assert engine.joined == "3\n"
+    assert engine.up() == 0
+    spawned = [re.search(r"name:=(\w+)", text) for text in engine.executed]
+    assert [found[1] for found in spawned if found] == ["pioneer4", "pioneer5"]
+    assert engine.joined == "5\n"
+
+
+def test_a_fleet_keeps_its_subnet_in_a_shell_without_the_variable(
+    engine: FakeEngine, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(SUBNET, "10.1.2")
+    engine.up("--robots 2")
+    monkeypatch.delenv(SUBNET)
+    assert engine.up("--robots 3") == 0
+    assert state.subnet("pioneer") == "10.1.2"
+    assert "${PIONEER_SUBNET:-10.1.2}.103" in engine.file.read_text()
+    monkeypatch.setenv(SUBNET, "10.1.3")
+    capsys.readouterr()
+    assert engine.up("--robots 4") == 1
+    assert "PIONEER_SUBNET is 10.1.3, and a fleet runs in 10.1.2: ./pioneer down first" in capsys.readouterr().err
+
+
+def test_an_empty_password_that_a_full_disk_left_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(state, "STATE", tmp_path)
+    (tmp_path / "hub-password").touch()
+    password = state.secret("hub-password").read_text()
+    assert len(password) > 20
+    assert state.secret("hub-password").read_text() == password
+    assert state.secret("hub-password").stat().st_mode & 0o777 == 0o600
+
+
+def test_a_full_disk_leaves_no_password(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(state, "STATE", tmp_path)
+
+    def full(_: Path, text: str) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as disk:
+        disk.setattr(Path, "write_text", full)
+        with pytest.raises(ContainerError, match=r"cannot write .*hub-password: No space left on device"):
+            state.secret("hub-password")
+    assert list(tmp_path.iterdir()) == []
+    assert state.secret("hub-password").read_text().strip()
 
 
 def test_a_stopped_computer_restarts_and_its_robot_does_not_join_twice(
