@@ -3,6 +3,7 @@
 import argparse
 import os
 import select
+import signal
 import sys
 import termios
 import tty
@@ -13,6 +14,7 @@ import rospy
 from geometry_msgs.msg import Twist
 
 from pioneer_fleet.core.steering import Steering
+from pioneer_node.adapters.end_request import EndRequest
 
 _RATE = 10.0
 """Command rate [Hz]: a robot stops 0.6 s after the last command."""
@@ -34,10 +36,13 @@ def main() -> int:
     if not rosgraph.is_master_online():
         sys.stderr.write(f"teleop: no ROS master at {os.environ.get('ROS_MASTER_URI')}; is the fleet running?\n")
         return 1
-    rospy.init_node("teleop", anonymous=True, disable_rostime=True)
+    # rospy would close the publisher before the robot has been stopped.
+    rospy.init_node("teleop", anonymous=True, disable_rostime=True, disable_signals=True)
+    end = EndRequest()
+    end.take_signals(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     publisher = rospy.Publisher(f"/{robot}/cmd_vel", Twist, queue_size=1)
     sys.stdout.write(f"{robot}: {_HELP}\n")
-    for steering in _steered():
+    for steering in _steered(end):
         command = Twist()
         command.linear.x, command.angular.z = steering.linear, steering.angular
         publisher.publish(command)
@@ -45,22 +50,27 @@ def main() -> int:
         sys.stdout.write(f"\r\033[K{steering.linear:+.1f} m/s  {steering.angular:+.1f} rad/s{listening}")
         sys.stdout.flush()
     sys.stdout.write("\n")
-    return 0
+    rospy.signal_shutdown("ended by its user")
+    return 128 + end.number if end.number else 0
 
 
-def _steered() -> Iterator[Steering]:
-    """Yields the speed to command ten times a second until q is pressed; the last one is zero."""
-    before = termios.tcgetattr(sys.stdin)
-    tty.setcbreak(sys.stdin, termios.TCSADRAIN)  # keeps pending input
+def _steered(end: EndRequest) -> Iterator[Steering]:
+    """Yields the speed to command ten times a second until q is pressed or the end is requested; then zero."""
+    keyboard = sys.stdin.fileno()
+    before = termios.tcgetattr(keyboard)
+    tty.setcbreak(keyboard, termios.TCSADRAIN)  # keeps pending input
     steering = Steering()
     try:
-        while not rospy.is_shutdown():
-            if select.select([sys.stdin], [], [], 1 / _RATE)[0]:
-                key = os.read(sys.stdin.fileno(), 1).decode(errors="replace")
+        while not end.wait(1 / _RATE, beside=(keyboard,)):
+            if select.select([keyboard], [], [], 0.0)[0]:
+                key = os.read(keyboard, 1).decode(errors="replace")
                 if key in ("q", ""):
                     break
                 steering = steering.after(key)
             yield steering
+        # rospy sends in a thread of its own: the second command leaves once the first has been taken.
+        yield Steering()
+        select.select([], [], [], 1 / _RATE)
         yield Steering()
     finally:
-        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+        termios.tcsetattr(keyboard, termios.TCSADRAIN, before)
