@@ -107,6 +107,34 @@ def test_returns_beyond_the_obstacle_range_clear_without_marking():
     assert LETHAL not in costmap.cells
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_a_wall_that_is_still_seen_beyond_the_obstacle_range_is_not_forgotten(seed):
+    """The scans cross the wall at drawn bearings, up to the raytrace range and a little beyond it."""
+    generator = np.random.default_rng(seed)
+    costmap = rolling(width=12.0, height=12.0)
+    sides = np.arange(-2.0, 2.0, 0.02)
+    costmap.update(Pose(), seen_by(costmap, 0.0, 0.0, *((1.5, y) for y in np.arange(-0.5, 0.5, 0.02))))
+    marked = costmap.cells == LETHAL
+    assert marked.any()
+    for _ in range(20):
+        x, y = generator.uniform((-1.6, -1.0), (-0.6, 1.0))
+        costmap.update(Pose(), seen_by(costmap, x, y, *((1.5, side) for side in sides)))
+    assert (costmap.cells == LETHAL)[marked].all()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_has_gone_is_forgotten_once_beams_pass_through_its_cells(seed):
+    generator = np.random.default_rng(seed)
+    costmap = rolling(width=12.0, height=12.0)
+    bearings = np.linspace(-np.pi, np.pi, 720)
+    walls = np.stack([np.cos(bearings), np.sin(bearings)], axis=1) * 5.0
+    for _ in range(20):
+        person = generator.uniform(-1.4, 1.4, 2)
+        costmap.update(Pose(), seen_by(costmap, 0.0, 0.0, person, *walls))
+        costmap.update(Pose(), seen_by(costmap, 0.0, 0.0, *walls))
+        assert LETHAL not in costmap.cells
+
+
 def test_what_persists_keeps_marking_until_its_time_is_over():
     costmap = rolling(laser={**LASER, "observation_persistence": 1.0})
     buffer = ObservationBuffer(1.0)

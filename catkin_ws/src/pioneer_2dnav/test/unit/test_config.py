@@ -59,5 +59,5 @@ def test_the_costmaps_are_the_pioneers() -> None:
 def test_both_costmaps_see_the_laser() -> None:
     for costmap in (configured().global_costmap, configured().local_costmap):
         (source,) = (source for layer in costmap.layers for source in getattr(layer, "sources", ()))
-        assert (source.topic, source.obstacle_range, source.raytrace_range) == ("base_scan", 2.0, 3.0)
+        assert (source.topic, source.obstacle_range, source.raytrace_range) == ("base_scan", 3.0, 3.5)
         assert (source.marking, source.clearing, source.expected_update_rate) == (True, True, 0.4)

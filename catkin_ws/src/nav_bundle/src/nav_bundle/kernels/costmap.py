@@ -103,6 +103,26 @@ def clear_rays(cells: Costs, place: Place, rays: Rays) -> None:
 
 
 @kernel
+def keep_points(cells: Costs, before: Costs, row_0: int, col_0: int, place: Place, rays: Rays) -> None:
+    """Restores the lethal cells in which a point lies: rays to other points, or its own, have cleared them.
+
+    ``before`` is a copy of the part of ``cells`` that starts at ``row_0, col_0``. Points count up to a cell's diagonal
+    beyond ``rays.longest``, since a ray that is cut off there may clear the cell of a point just behind its end.
+    """
+    longest = rays.longest + 1.5 * place.resolution
+    for i in range(rays.points.shape[0]):
+        dx = rays.points[i, 0] - rays.x
+        dy = rays.points[i, 1] - rays.y
+        if dx * dx + dy * dy > longest * longest:
+            continue
+        row, col = cell_at(place, rays.points[i, 0], rays.points[i, 1])
+        if row < row_0 or row >= row_0 + before.shape[0] or col < col_0 or col >= col_0 + before.shape[1]:
+            continue
+        if before[row - row_0, col - col_0] == LETHAL:
+            cells[row, col] = LETHAL
+
+
+@kernel
 def mark_points(cells: Costs, place: Place, rays: Rays) -> None:
     """Marks the cell of every point closer to the sensor than ``rays.longest`` as lethal."""
     rows, cols = cells.shape

@@ -165,7 +165,11 @@ def _sampled(cells: Cells, origin: Pose, resolution: float, place: Geometry) -> 
 
 
 class ObstacleLayer:
-    """Sensor obstacles: returns mark cells, the rays to them clear cells."""
+    """Sensor obstacles: returns mark cells, the rays to them clear cells.
+
+    Unlike in costmap_2d, a ray that ends on an obstacle does not clear the obstacle's cell: beyond ``obstacle_range``
+    it would not be marked again, so that a robot would forget what it still sees.
+    """
 
     def __init__(self, config: ObstacleConfig, rows: int, cols: int) -> None:
         self.config = config
@@ -198,6 +202,11 @@ class ObstacleLayer:
             if seen.source.clearing:
                 rays = kernel.Rays(seen.sensor_x, seen.sensor_y, seen.points, seen.source.raytrace_range)
                 kernel.clear_rays(self.cells, place, rays)
+        for seen in mine:
+            # What a sensor still sees beyond its obstacle range is not forgotten.
+            if seen.source.clearing and seen.source.marking:
+                rays = kernel.Rays(seen.sensor_x, seen.sensor_y, seen.points, seen.source.raytrace_range)
+                kernel.keep_points(self.cells, before, touched.row_0, touched.col_0, place, rays)
         for seen in mine:
             if seen.source.marking:
                 rays = kernel.Rays(seen.sensor_x, seen.sensor_y, seen.points, seen.source.obstacle_range)
