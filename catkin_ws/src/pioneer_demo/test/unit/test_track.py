@@ -99,3 +99,26 @@ def test_only_the_first_plan_to_a_waypoint_is_kept_as_its_planned_way(track):
 def test_a_plan_to_another_goal_is_not_the_planned_way(track):
     track.add_plan([(0.0, 0.0), (9.0, 9.0)])
     assert not track.visits[0].planned
+
+
+def test_a_robot_that_a_fault_moves_has_not_driven_the_way(track):
+    for tick in range(11):
+        track.add_truth(0.1 * tick, Pose(0.1 * tick, 0.0))
+    track.move((10.0, 5.0))
+    track.add_truth(1.1, Pose(1.1, 0.0))  # sent before the simulator moved it
+    for tick in range(11):
+        track.add_truth(1.2 + 0.1 * tick, Pose(10.0 + 0.1 * tick, 5.0))
+    assert track.path_length == pytest.approx(2.1)
+    assert track.driven[-1] == (11.0, 5.0)
+
+
+def test_a_reset_of_the_simulation_does_not_freeze_the_record(track):
+    track.add_correction(Pose(0.0, 0.0))
+    for start in (100.0, 0.0):
+        for tick in range(20):
+            track.add_odometry(start + 0.1 * tick, Pose(0.1 * tick, 0.0))
+            track.add_truth(start + 0.1 * tick, Pose(0.1 * tick, 0.02 if start else 0.05))
+    assert track.error == pytest.approx(0.05)
+    assert track.pose == Pose(pytest.approx(1.9), 0.05)
+    track.add_truth(1.6, Pose(9.0, 9.0))  # a message that came late
+    assert track.pose.x == pytest.approx(1.9)

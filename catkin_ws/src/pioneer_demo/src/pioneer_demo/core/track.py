@@ -14,6 +14,8 @@ _MOVED = 0.05
 _PATH_STEP = 0.05
 _ERROR_INTERVAL = 0.1
 _ODOMETRY_KEPT = 400
+_RESTART = 0.5
+"""A stamp that is older by more than this [s] is of a clock that was reset; less is a message that came late."""
 
 
 @dataclasses.dataclass
@@ -46,6 +48,7 @@ class RobotTrack:
         self.errors: list[float] = []
         self.plan: Points = []
         self.status = ""
+        self._moved_to: tuple[float, float] | None = None
         self._stamp = self._picked = -math.inf
         self._correction: Pose | None = None
         self._odometry: collections.deque[tuple[float, Pose]] = collections.deque(maxlen=_ODOMETRY_KEPT)
@@ -101,8 +104,14 @@ class RobotTrack:
         """Sets the waypoints sent to the robot, in order."""
         self.visits = [Visit(leg) for leg in legs]
 
+    def move(self, to: tuple[float, float]) -> None:
+        """Announces that the simulator is asked to put the robot elsewhere: that is no way that it drives."""
+        self._moved_to = to
+
     def add_truth(self, stamp: float, pose: Pose) -> None:
-        """Adds a true pose of ``base_link``; ignores one older than the last."""
+        """Adds a true pose of ``base_link``; ignores one older than the last, unless simulated time began again."""
+        if stamp < self._stamp - _RESTART:
+            self._restart_clock()
         if stamp < self._stamp:
             return
         self._stamp, self.pose = stamp, pose
@@ -115,6 +124,8 @@ class RobotTrack:
 
     def add_odometry(self, stamp: float, pose: Pose) -> None:
         """Adds a transform odom → base_link."""
+        if self._odometry and stamp < self._odometry[-1][0] - _RESTART:
+            self._restart_clock()
         if not self._odometry or stamp > self._odometry[-1][0]:
             self._odometry.append((stamp, pose))
             self._judge()
@@ -153,11 +164,22 @@ class RobotTrack:
         if not self.driven:
             self.driven.append(point)
         step = math.dist(point, self.driven[-1])
+        if self._moved_to is not None and math.dist(point, self._moved_to) < step:
+            self._moved_to = None
+            self.driven.append(point)
+            return
         if self.first_motion is None and step > _MOVED:
             self.first_motion = stamp
         if step >= _PATH_STEP:
             self.driven.append(point)
             self.path_length += step
+
+    def _restart_clock(self) -> None:
+        """Forgets what has stamps of before a reset of the simulation."""
+        self._stamp = -math.inf
+        self._picked = -math.inf
+        self._odometry.clear()
+        self._unjudged.clear()
 
     def _judge(self) -> None:
         """Computes errors for true poses once odometry before and after their stamps is available."""

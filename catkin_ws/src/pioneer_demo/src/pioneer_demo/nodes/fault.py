@@ -168,6 +168,8 @@ class FaultRunner:
         self._run.processes.run(f"flip of {robot}'s scans", [*argv, *(["--cancel"] if cancel else [])], environment)
 
     def _move(self, robot: str, to: Sequence[float]) -> None:
+        with self._run.lock:
+            self._track(robot).move((to[0], to[1]))
         state = ModelState(model_name=robot, pose=_pose(*to), reference_frame="world")
         _ask("set_model_state", SetModelState, state)
 
