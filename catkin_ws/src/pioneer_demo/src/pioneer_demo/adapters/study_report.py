@@ -21,7 +21,9 @@ table {{ border-collapse: collapse }} th, td {{ padding: .25em .8em; border-bott
 th:first-child, td:first-child {{ text-align: left }} img {{ max-width: 100% }}
 </style></head><body>
 <h1>{title}</h1><p>{about}</p>
-<p>{runs} runs of the scenario {scenario}. Intervals are of 95 %: Wilson's for rates, else bootstrap of the mean.</p>
+<p>{runs} runs of the scenario {scenario}. Success rates, and medians of the metrics, with intervals of 95 %: exact ones
+for rates, the sign test's for medians, which needs six values. Time and path length are of runs in which every robot
+reached all its waypoints; a run without that end counts as worse than all others (∞), and n says how many have one.</p>
 <h2>Variants</h2>{table}
 <h2>Differences to {baseline}, by seed</h2>{differences}
 <h2>Figures</h2><img src="data:image/png;base64,{figure}" alt="success rate and metrics by variant">
@@ -47,7 +49,10 @@ def _page(study: Study, table: pandas.DataFrame, summary: dict[str, Any], title:
         for name, one in variants.items()
     ]
     others = {name: one["difference"] for name, one in variants.items() if "difference" in one}
-    gaps = [[name, *(_interval(one[metric]) for metric in ("success", *METRICS))] for name, one in others.items()]
+    gaps = [
+        [name, _rate_gap(one["success"]), *(_interval(one[metric]) for metric in METRICS)]
+        for name, one in others.items()
+    ]
     failed = table[~table["success"]]
     said = [[str(one.variant), str(one.seed), str(one.faults)] for one in failed.itertuples()]
     return _PAGE.format(
@@ -69,11 +74,24 @@ def _rate(rate: dict[str, Any]) -> str:
     return f"{100 * rate['rate']:.0f} % ({100 * rate['low']:.0f} … {100 * rate['high']:.0f})"
 
 
-def _interval(one: dict[str, Any]) -> str:
-    if not one["count"]:
+def _rate_gap(gap: dict[str, Any]) -> str:
+    if not gap["count"]:
         return "–"
-    bounds = f" ({one['low']:.3g} … {one['high']:.3g})" if "low" in one else ""
-    return f"{one['mean']:.3g}{bounds}"
+    return f"{100 * gap['mean']:+.0f} % ({100 * gap['low']:+.0f} … {100 * gap['high']:+.0f})"
+
+
+def _interval(figures: dict[str, Any]) -> str:
+    """Returns a median with its interval, and the number of runs it is of if some have no end."""
+    if "median" not in figures:
+        return "–"
+    bounds = f" ({_bound(figures['low'], '−')} … {_bound(figures['high'])})" if "low" in figures else ""
+    count = figures["count"]
+    runs = f", n = {count} of {count + figures['unfinished']}" if figures.get("unfinished") else ""
+    return f"{_bound(figures['median'])}{bounds}{runs}"
+
+
+def _bound(value: float | None, sign: str = "") -> str:
+    return f"{sign}∞" if value is None else f"{value:.3g}"
 
 
 def _table(head: list[str], rows: list[list[str]]) -> str:
@@ -88,7 +106,7 @@ def _figure(table: pandas.DataFrame, variants: dict[str, Any]) -> str:
     mpl.use("Agg")
     from matplotlib import pyplot
 
-    figure, places = pyplot.subplots(2, 5, figsize=(18.0, 7.0), layout="constrained")
+    figure, places = pyplot.subplots(3, 4, figsize=(16.0, 10.0), layout="constrained")
     axes = iter(places.flat)
     first, names = next(axes), list(variants)
     for number, one in enumerate(variants.values()):

@@ -71,7 +71,8 @@ def table(numbers: Mapping[str, Any]) -> str:
 
 def _robot(robot: RobotTrack, began: float) -> dict[str, Any]:
     mean, p95, largest = robot.error_statistics()
-    ended = max((visit.time for visit in robot.visits if visit.reached is not None), default=math.nan)
+    # Of a robot that is stuck there is no time: that of its last waypoint would be the better the earlier it failed.
+    ended = max(visit.time for visit in robot.visits) if robot.finished else math.nan
     return {
         "waypoints": len(robot.visits),
         "reached": robot.reached,

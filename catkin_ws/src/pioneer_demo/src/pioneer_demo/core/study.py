@@ -8,6 +8,7 @@ from typing import Any
 from pioneer_node.core.document import DocumentError
 
 METRICS = {
+    "spl": "success weighted by path length, mean of the robots",
     "missed": "waypoints missed, all robots",
     "seconds": "time until all are done [s]",
     "path_length": "path length, mean of the robots [m]",
@@ -19,6 +20,8 @@ METRICS = {
     "bytes": "bytes of these messages",
 }
 """Metrics compared in addition to success, with their descriptions."""
+CENSORED = ("seconds", "path_length")
+"""Metrics that a run without an end has not: they count as worse than those of every run that has ended."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -77,32 +80,69 @@ def merged(content: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, A
 def row_of(run: Run, report: Mapping[str, Any], wall: float) -> dict[str, Any]:
     """Returns a run's row of metrics from the demo's report; unknown values are None.
 
+    What a run without an end has not is None too: the time until all robots have reached all their waypoints, the
+    length of their paths, and the messages until then.
+
     Args:
         run: the run.
         report: the content of ``report.json``.
         wall: its wall time [s].
     """
-    robots, drive = list(report.get("robots", {}).values()), report.get("drive", {})
-    seconds = _known(robot.get("seconds") for robot in robots)
+    robots = list(report.get("robots", {}).values())
+    drive = report.get("drive", {})
+    finished = bool(robots) and all(_has_finished(robot) for robot in robots)
     errors = _known((robot.get("localisation_error") or {}).get("mean") for robot in robots)
-    paths = _known(robot.get("path_length") for robot in robots)
-    missed = [robot["waypoints"] - robot["reached"] for robot in robots if "reached" in robot]
     collisions = _known(robot.get("collisions") for robot in robots)
-    return {
+    missed = [robot["waypoints"] - robot["reached"] for robot in robots if "reached" in robot]
+    row: dict[str, Any] = {
         **dataclasses.asdict(run),
         "success": bool(report.get("success")),
+        "finished": finished,
+        "spl": _spl(robots),
         "missed": sum(missed) if missed else None,
-        "seconds": max(seconds) if seconds and len(seconds) == len(robots) else None,
-        "path_length": statistics.fmean(paths) if paths else None,
+        "seconds": None,
+        "path_length": None,
         "localisation_error": statistics.fmean(errors) if errors else None,
         "collisions": sum(collisions) if collisions else None,
         "closest_approach": drive.get("closest_approach"),
         "cpu_seconds": drive.get("cpu_seconds_per_simulated_second"),
-        "messages": drive.get("messages"),
-        "bytes": drive.get("bytes"),
+        "messages": None,
+        "bytes": None,
         "wall_seconds": round(wall, 1),
         "faults": "; ".join(report.get("faults", ())),
     }
+    if finished:
+        paths = _known(robot.get("path_length") for robot in robots)
+        row["seconds"] = max(robot["seconds"] for robot in robots)
+        row["path_length"] = statistics.fmean(paths) if paths else None
+        row["messages"] = drive.get("messages")
+        row["bytes"] = drive.get("bytes")
+    return row
+
+
+def _has_finished(robot: Mapping[str, Any]) -> bool:
+    """Returns whether a robot has reached all its waypoints; one without any has if it has an end."""
+    return robot.get("seconds") is not None and robot.get("reached") == robot.get("waypoints")
+
+
+def _spl(robots: Iterable[Mapping[str, Any]]) -> float | None:
+    """Returns success weighted by path length (Anderson et al. 2018, arXiv:1807.06757), mean of the robots.
+
+    A robot has 0 if it missed a waypoint, else the ratio of its shortest way to the longer of that and its path. None
+    if a robot's way or path is unknown.
+    """
+    shares = []
+    for robot in robots:
+        ways = [visit.get("shortest_way") for visit in robot.get("visits", ())]
+        path = robot.get("path_length")
+        if not ways or None in ways or path is None:
+            return None
+        shortest = sum(ways)
+        longest = max(path, shortest)
+        # A robot that stands at its goal has no way to go.
+        share = shortest / longest if longest > 0.0 else 1.0
+        shares.append(share if _has_finished(robot) else 0.0)
+    return statistics.fmean(shares) if shares else None
 
 
 def _known(values: Iterable[float | None]) -> list[float]:
