@@ -51,7 +51,7 @@ def check_goal(pose: PoseMessage) -> None:
         )
 
 
-class _ActionServer(actionlib.SimpleActionServer):
+class ActionServer(actionlib.SimpleActionServer):
     """An actionlib server that survives a clock that jumps back.
 
     actionlib's own server stops publishing its status, because its timer ends at the jump. It also rejects new goals
@@ -141,7 +141,7 @@ class GoalServer:
         self._frame, self._listener, self._fault = global_frame, listener, fault
         self._goal_publisher = rospy.Publisher("~current_goal", PoseStamped, queue_size=1)
         self._action_goal_publisher = rospy.Publisher("move_base/goal", MoveBaseActionGoal, queue_size=1)
-        self._server = _ActionServer("move_base", self._message_fault, future_limit)
+        self._server = ActionServer("move_base", self._message_fault, future_limit)
         self._server.start()
         rospy.Subscriber("move_base_simple/goal", PoseStamped, self._on_simple_goal, queue_size=1)
 

@@ -17,3 +17,16 @@ class CoordinatorConfig:
     stray: float = 0.4
     carried: float = 1.0  #: distance from what it holds above which a robot has been carried elsewhere
     memory: float = 300.0  #: a robot silent for longer is forgotten
+
+
+@dataclass(frozen=True)
+class PilotConfig(CoordinatorConfig):
+    """Bounds of a goal; times [s].
+
+    ``retries``: how often a stop that move_base gave up is sent again before the goal is aborted.
+    ``stall``: how long the robot waits while neither it nor another robot moves. ``limit``: of the whole goal.
+    """
+
+    retries: int = 3
+    stall: float = 60.0
+    limit: float = 3600.0

@@ -61,13 +61,37 @@ class Coordinator:
         """This robot's report to all others."""
         return self._own
 
+    @property
+    def makes_way(self) -> bool:
+        """Whether others need this robot to drive its route: the plan leads it elsewhere, or they need its ground."""
+        is_led_away = len(self._plan.paths.get(self._own.robot, ())) > 1
+        return is_led_away or self._neighbours.need_room(self._plan, self._own.held)
+
+    def partners(self) -> dict[str, Point]:
+        """Returns the positions of the other robots in the plan."""
+        return {report.robot: report.position for report in self._neighbours.of(self._plan)}
+
+    def obstruction(self) -> str:
+        """Returns why the robot waits, naming the robots that have to pass first or stand in the way."""
+        own = self._own
+        path = self._plan.paths.get(own.robot, ())
+        if not path:
+            outside = sorted(self._neighbours.reports)
+            return f"no place is free, among {', '.join(outside)}," if outside else "no plan includes the robot"
+        waits = (wait for wait in self._plan.waits if wait.robot == own.robot and wait.step == self._taken + 1)
+        ahead = path[self._taken + 1] if self._taken + 1 < len(path) else -1
+        first = sorted({wait.other for wait in waits if not self._has_left(wait.other, wait.other_step, ahead)})
+        if first:
+            return f"waits for {', '.join(first)}, which did not move,"
+        aside = sorted(set(self._neighbours.reports) - set(self._plan.paths))
+        return f"no way leads past {', '.join(aside)}" if aside else "the right of way found no way to the goal"
+
     def set_waypoint(self, waypoint: Point | None, now: float) -> bool:
         """Sets the waypoint, None for none; returns False if no place of the roadmap is near enough."""
         self._waypoint, self.finished = None, False
         self._own = replace(self._own, goal=-1, region=())
         if waypoint is None:
             return True
-        self._held = False
         goal = next(self._roadmap.entries(waypoint), None)
         if goal is None:
             return False
@@ -76,6 +100,7 @@ class Coordinator:
             region = self._roadmap.near(self._roadmap.places[goal], waypoint, goal)
         self._own = replace(self._own, goal=goal, since=now, region=tuple(sorted(region)))
         self._waypoint = waypoint
+        self._held = False
         return True
 
     def hold(self) -> None:
@@ -86,12 +111,11 @@ class Coordinator:
 
     def _withdraw(self) -> None:
         """Gives up the plan and everything held: the robot is an obstacle at its position until it holds a place."""
-        self._plan = Plan()
-        self._taken = 0
+        self._leave_plan()
         self._track = []
         self._aside = ()
         self.route = []
-        self._own = replace(self._own, held=(), out=False, adopted=PlanId(), reached=-1)
+        self._own = replace(self._own, held=(), out=False, reached=-1)
 
     def set_obstacles(self, points: Iterable[Point]) -> None:
         """Sets the positions of robots that send no reports."""
@@ -204,6 +228,9 @@ class Coordinator:
             del self._track[: max(passed, int(self._is_past_second()))]
         self._give_up_blocked()
         self._publish_held()
+        if self._own.robot not in self._plan.paths:
+            self.route = []
+            return
         self.route = [self._place(index) for index in range(min(1, len(self._track) - 1), len(self._track))]
         if self._aside:
             self.route.insert(0, self._place(0))
@@ -217,7 +244,15 @@ class Coordinator:
             if not self._is_way_free(start, self._place(index)):
                 self._taken -= len(self._track) - index
                 del self._track[index:]
+                if self._taken < 0:
+                    # The plan begins beyond: the robot needs another one.
+                    self._leave_plan()
                 return
+
+    def _leave_plan(self) -> None:
+        self._plan = Plan()
+        self._taken = 0
+        self._own = replace(self._own, adopted=PlanId())
 
     def _is_past_second(self) -> bool:
         """Returns whether the robot is between the second and the third place taken."""

@@ -56,6 +56,14 @@ class Neighbours:
                 del self._heard_at[name], self.reports[name]
                 self._standing.pop(name, None)
 
+    def of(self, plan: Plan) -> list[Report]:
+        """Returns the reports of the other robots in a plan."""
+        return [self.reports[name] for name in plan.paths if name in self.reports]
+
+    def need_room(self, plan: Plan, held: Collection[int]) -> bool:
+        """Returns whether a robot in the plan cannot reach its goal by it, or only over places that are held."""
+        return any(_needs_room(report, plan, held) for report in self.of(plan))
+
     def strays(self) -> list[Point]:
         """Returns the positions of robots that are away from what they hold, or that hold nothing."""
         return [report.position for report in self.reports.values() if self._is_stray(report)]
@@ -78,6 +86,15 @@ def ground_wanted(report: Report) -> tuple[int, ...]:
     if report.out:
         return report.held[:-1]
     return report.region if report.has_arrived else ()
+
+
+def _needs_room(report: Report, plan: Plan, held: Collection[int]) -> bool:
+    """Returns whether a robot cannot reach its goal by the plan, or only over places that are held."""
+    if report.goal < 0:
+        return False
+    return (
+        plan.paths[report.robot][-1] != report.goal or comes_by(report, plan, held) or bool({*report.region} & {*held})
+    )
 
 
 def comes_by(report: Report, plan: Plan, region: Collection[int]) -> bool:

@@ -2,44 +2,65 @@
 
 import math
 import queue
+import threading
 import time
 from dataclasses import dataclass
 
-import actionlib
 import rospy
+from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import PoseStamped
-from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseGoal
 from nav_msgs.msg import OccupancyGrid
 
+from nav_bundle.adapters.transform_store import FUTURE_LIMIT
 from nav_bundle.conversions import GridMessage, grid_from_message, stamped_from_pose
 from nav_bundle.core.grid import FREE
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.transform import TransformError
 from nav_bundle.nodes.transform import TransformListener, robot_frame
-from pioneer_node.core.frame import stripped
 from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
 from pioneer_node.nodes.rospy_handle import RospyHandle
 from pioneer_node.nodes.standing_warning import StandingWarning
 from pioneer_traffic.conversions import message_from_report, report_from_message
-from pioneer_traffic.core.config import CoordinatorConfig
-from pioneer_traffic.core.coordinator import Coordinator
+from pioneer_traffic.core.config import PilotConfig
+from pioneer_traffic.core.event import (
+    Action,
+    CancelDrive,
+    CancelRequested,
+    Drive,
+    Event,
+    Finish,
+    GoalCancelled,
+    Heard,
+    Inputs,
+    MoveBaseTaken,
+    NewGoal,
+    NewRoadmap,
+    Note,
+    Send,
+    StretchEnded,
+)
+from pioneer_traffic.core.pilot import Pilot
 from pioneer_traffic.core.roadmap import FreeSpace, Roadmap, roadmap_from_space
 from pioneer_traffic.msg import Report as ReportMessage
+from pioneer_traffic.nodes.goal_server import GoalServer
 from simple_navigation_goals.adapters.move_base import MoveBase
 from simple_navigation_goals.core.queue import Outcome
 
 _PERIOD = 0.2
 """Period of reports [s of wall time, or of simulated time in lockstep; this holds for the times below, too]."""
-_SAME = 0.05
-"""Distance below which a stop counts as the one that move_base already has [m]."""
-_RETRY = 2.0
-"""Delay before a stop that move_base gave up is sent again [s]."""
+_SHORTEST = 0.02
+"""Minimum time between two steps when goals and cancels arrive [s]."""
 _COMPLAIN_EVERY = 10.0
 
 
+class _GoalArrived:
+    """Marks when a goal arrived, among the events: a stop that arrived later counts."""
+
+
 @dataclass(frozen=True)
-class CoordinatorNodeConfig(CoordinatorConfig):
+class CoordinatorNodeConfig(PilotConfig):
     """``robot``: the robot's unique name. ``fleet``: names of the fleet's robots, separated by spaces."""
 
     robot: str = ""
@@ -49,104 +70,171 @@ class CoordinatorNodeConfig(CoordinatorConfig):
 class CoordinatorNode:
     """Keeps the right of way for one robot.
 
-    Subscribes: ``/map`` (nav_msgs/OccupancyGrid), ``/traffic/reports`` (pioneer_traffic/Report), tf.
+    Subscribes: ``/map`` (nav_msgs/OccupancyGrid), ``/traffic/reports`` (pioneer_traffic/Report), tf;
+        ``move_base/cancel`` (actionlib_msgs/GoalID) and ``move_base/goal`` (move_base_msgs/MoveBaseActionGoal) of
+        other nodes, which stop the robot; goals (``nodes.goal_server``).
 
     Publishes: ``/traffic/reports`` at 5 Hz of wall time; in lockstep, of simulated time.
 
-    Actions served: ``traffic`` (move_base_msgs/MoveBaseAction), goals in frame map. Called: ``move_base``.
+    Actions served: ``traffic`` (move_base_msgs/MoveBaseAction). Called: ``move_base``.
 
     Parameters: ``CoordinatorNodeConfig``.
 
-    Threads: callbacks only store; ``spin`` (in lockstep ``step``) does all the work.
+    Threads: callbacks only store events and wake ``spin`` (in lockstep ``step``), which does all the work.
 
-    On error: a goal in another frame or far from any place is aborted with the reason. A stop that move_base gives up
-    is sent again. Without a transform, the robot counts as where it was last, and takes no further places.
+    On error: goals end with the reason (``core.pilot``). Without a transform, the robot counts as where it was last,
+        and takes no further places; it can be stopped nevertheless.
     """
 
     def __init__(self) -> None:
-        self._config = config_from_mapping(CoordinatorNodeConfig, entry.parameters(), rospy.get_name())
-        self._robot = self._config.robot or rospy.get_namespace().strip("/") or "robot"
-        self._fleet = [name for name in self._config.fleet.split() if name != self._robot]
+        config = config_from_mapping(CoordinatorNodeConfig, entry.parameters(), rospy.get_name())
+        self._robot = config.robot or rospy.get_namespace().strip("/") or "robot"
+        self._fleet = [name for name in config.fleet.split() if name != self._robot]
         self._base = robot_frame("base_link")
         self._lost = StandingWarning("the transform to map has come", _COMPLAIN_EVERY)
         self._listener = TransformListener()
         self._listener.listen("map", self._base)
         for name in self._fleet:
             self._listener.listen("map", f"{name}/base_link")
-        self._maps: queue.SimpleQueue[GridMessage] = queue.SimpleQueue()
-        self._reports: queue.SimpleQueue[ReportMessage] = queue.SimpleQueue()
-        self._ends: queue.SimpleQueue[tuple[int, Outcome, str]] = queue.SimpleQueue()
-        self._coordinator: Coordinator | None = None
-        self._roadmap = Roadmap([], [])
+        self._events: queue.SimpleQueue[Event | _GoalArrived | ReportMessage] = queue.SimpleQueue()
+        self._kept: list[Event] = []  # events that arrived before the first period of a lockstep
+        self._wake = threading.Event()
+        self._pilot = Pilot(self._robot, config, self._fleet)
+        self._roadmap: Roadmap | None = None
         self._reporting: set[str] = set()
-        self._stop: tuple[float, float] | None = None
-        self._serial, self._retry_at = 0, math.inf
         self._stepped_at = -math.inf
         self._target: PoseStamped | None = None
         self._publisher = rospy.Publisher("/traffic/reports", ReportMessage, queue_size=5, tcp_nodelay=True)
-        self._move_base = MoveBase(RospyHandle(), "move_base", self._note_end)
-        self._server = actionlib.SimpleActionServer("traffic", MoveBaseAction, auto_start=False)
-        self._server.start()
-        rospy.Subscriber("/map", GridMessage, self._maps.put, queue_size=1)
-        rospy.Subscriber("/traffic/reports", ReportMessage, self._reports.put, queue_size=100, tcp_nodelay=True)
+        handle = RospyHandle()
+        self._name = handle.name
+        self._move_base = MoveBase(handle, "move_base", self._on_stretch_end)
+        handle.subscribe("move_base/cancel", GoalID, self._on_move_base_cancel)
+        handle.subscribe("move_base/goal", MoveBaseActionGoal, self._on_move_base_goal)
+        self._server = GoalServer(handle, self._listener, self._on_goal, self._wake.set, self._on_cancel)
+        rospy.Subscriber("/map", GridMessage, self._on_map, queue_size=1)
+        rospy.Subscriber("/traffic/reports", ReportMessage, self._events.put, queue_size=100, tcp_nodelay=True)
 
-    def _note_end(self, serial: int, outcome: Outcome, text: str) -> None:
-        self._ends.put((serial, outcome, text))
+    def _on_stretch_end(self, serial: int, outcome: Outcome, text: str) -> None:
+        self._events.put(StretchEnded(serial, outcome, text))
+        self._wake.set()
+
+    def _on_goal(self) -> None:
+        self._events.put(_GoalArrived())
+        self._wake.set()
+
+    def _on_cancel(self, cancel: GoalID, sender: str) -> None:
+        """Notes a cancel request at ``traffic``; those with an id alone are for the action server."""
+        if not cancel.id or cancel.stamp:
+            self._note_cancel(cancel, sender, 0)
+
+    def _on_move_base_cancel(self, cancel: GoalID, sender: str) -> None:
+        if sender != self._name:
+            self._note_cancel(cancel, sender, self._move_base.serial_of(cancel.id))
+
+    def _note_cancel(self, cancel: GoalID, sender: str, number: int) -> None:
+        stamp = cancel.stamp.to_sec()
+        if stamp - rospy.get_time() > FUTURE_LIMIT:
+            return  # move_base drops it, too, and warns
+        everything = not cancel.id and not cancel.stamp
+        self._events.put(CancelRequested(everything, number, stamp, f"cancelled by {sender}"))
+        self._wake.set()
+
+    def _on_move_base_goal(self, _goal: MoveBaseActionGoal, sender: str) -> None:
+        if sender != self._name:
+            self._events.put(MoveBaseTaken(sender))
+            self._wake.set()
+
+    def _on_map(self, message: OccupancyGrid) -> None:
+        """Computes the roadmap here: in the loop, it would delay stops."""
+        grid = grid_from_message(message)
+        space = FreeSpace.of(grid.cells == FREE, grid.resolution, (grid.origin.x, grid.origin.y))
+        self._events.put(NewRoadmap(roadmap_from_space(space)))
 
     def spin(self) -> None:
-        """Runs at a fixed wall-time period until shutdown."""
+        """Runs at a fixed wall-time period, and as soon as a goal or a stop arrives, until shutdown."""
+        entry.on_shutdown(self._wake.set)
         while not entry.is_ending():
             begin = time.monotonic()
-            self._use_maps()
-            if self._coordinator is not None:
-                self._work(self._coordinator, time.monotonic())
-            entry.wait(max(0.01, begin + _PERIOD - time.monotonic()))
+            self._work(begin)
+            entry.wait(_SHORTEST)
+            self._wake.wait(begin + _PERIOD - time.monotonic())
+            self._wake.clear()
+        self._move_base.cancel()
 
     def ready(self) -> bool:
         """Returns whether the map has arrived; called in the same thread as ``step``."""
-        self._use_maps()
-        return self._coordinator is not None
+        self._kept.extend(self._take_events())
+        return self._roadmap is not None
 
     def step(self) -> None:
         """Does the work of one period in lockstep, if a report is due."""
         now = rospy.get_time()
-        if self._coordinator is not None and not 0.0 <= now - self._stepped_at < _PERIOD - 1.0e-6:
-            self._stepped_at = now
-            self._work(self._coordinator, now)
+        if self._wake.is_set() or not 0.0 <= now - self._stepped_at < _PERIOD - 1.0e-6:
+            self._wake.clear()
+            self._work(now)
 
-    def _use_maps(self) -> None:
-        while not self._maps.empty():
-            self._use_map(self._maps.get())
-
-    def _use_map(self, message: OccupancyGrid) -> None:
-        grid = grid_from_message(message)
-        space = FreeSpace.of(grid.cells == FREE, grid.resolution, (grid.origin.x, grid.origin.y))
-        roadmap = roadmap_from_space(space)
-        if self._coordinator is None or roadmap.signature != self._roadmap.signature:
-            self._roadmap = roadmap
-            self._coordinator = Coordinator(self._robot, roadmap, self._config, self._fleet)
-            rospy.loginfo("roadmap of %d places, signature %08x", len(roadmap.places), roadmap.signature)
-
-    def _work(self, coordinator: Coordinator, now: float) -> None:
-        while not self._reports.empty():
-            report = report_from_message(self._reports.get(), len(self._roadmap.places))
-            if report is not None:
-                self._reporting.add(report.robot)
-                coordinator.receive(report, now)
+    def _work(self, now: float) -> None:
+        if now < self._stepped_at:
+            self._server.forget()
+        self._stepped_at = now
+        events = [*self._kept, *self._take_events()]
+        self._kept = []
         position = self._position(self._base)
         if position is None:
             self._lost.warn(f"waiting for the transform from {self._base} to map")
-            return
-        self._lost.end()
+        else:
+            self._lost.end()
         silent = (self._position(f"{name}/base_link") for name in self._fleet if name not in self._reporting)
-        coordinator.set_obstacles([point for point in silent if point is not None])
-        self._take_goal(coordinator)
-        self._publisher.publish(message_from_report(coordinator.advance(position, now), rospy.Time.now()))
-        self._note_ends(now)
-        self._drive(coordinator.route, now)
-        if coordinator.finished and self._server.is_active():
-            self._server.set_succeeded(text="Goal reached.")
-            self._end_goal(coordinator)
+        inputs = Inputs(
+            position=position,
+            stamp=rospy.get_time(),
+            present=self._is_move_base_present(),
+            obstacles=tuple(point for point in silent if point is not None),
+        )
+        for action in self._pilot.step(events, inputs, now):
+            self._do(action)
+
+    def _take_events(self) -> list[Event]:
+        """Returns the pilot's events since the last call, in the order of arrival."""
+        events: list[Event] = []
+        while not self._events.empty():
+            item = self._events.get()
+            match item:
+                case _GoalArrived():
+                    events.extend(self._accepted())
+                case NewRoadmap(roadmap):
+                    self._roadmap = roadmap
+                    rospy.loginfo("roadmap of %d places, signature %08x", len(roadmap.places), roadmap.signature)
+                    events.append(item)
+                case ReportMessage():
+                    events.extend(self._heard(item))
+                case _:
+                    events.append(item)
+        reason = self._server.cancelled()
+        if reason:
+            events.append(GoalCancelled(reason))
+        return events
+
+    def _accepted(self) -> list[Event]:
+        target = self._server.take()
+        if target is None:
+            return []
+        self._target = target
+        return [NewGoal((target.pose.position.x, target.pose.position.y))]
+
+    def _heard(self, message: ReportMessage) -> list[Event]:
+        places = len(self._roadmap.places) if self._roadmap is not None else 0
+        report = report_from_message(message, places)
+        if report is None:
+            return []
+        self._reporting.add(report.robot)
+        return [Heard(report)]
+
+    def _is_move_base_present(self) -> bool:
+        present = self._move_base.present()
+        if not present:
+            self._move_base.forget()
+        return present
 
     def _position(self, frame: str) -> tuple[float, float] | None:
         try:
@@ -155,57 +243,25 @@ class CoordinatorNode:
             return None
         return pose.x, pose.y
 
-    def _take_goal(self, coordinator: Coordinator) -> None:
-        if self._server.is_new_goal_available():
-            self._target = target = self._server.accept_new_goal().target_pose
-            point = (target.pose.position.x, target.pose.position.y)
-            if stripped(target.header.frame_id) != "map":
-                self._server.set_aborted(text=f"goals must be in frame map, not {target.header.frame_id!r}")
-                self._end_goal(coordinator)
-            elif not coordinator.set_waypoint(point, rospy.get_time()):
-                self._server.set_aborted(text=f"no place of the roadmap is near ({point[0]:.2f}, {point[1]:.2f})")
-                self._end_goal(coordinator)
-        elif self._server.is_active() and self._server.is_preempt_requested():
-            self._server.set_preempted()
-            self._end_goal(coordinator)
+    def _do(self, action: Action) -> None:
+        match action:
+            case Drive():
+                self._move_base.send(MoveBaseGoal(self._stop_pose(action)))
+            case CancelDrive():
+                self._move_base.cancel()
+            case Finish(outcome, text):
+                self._server.finish(outcome, text)
+            case Send(report):
+                self._publisher.publish(message_from_report(report, rospy.Time.now()))
+            case Note(text):
+                rospy.logwarn("%s", text)
 
-    def _end_goal(self, coordinator: Coordinator) -> None:
-        coordinator.set_waypoint(None, rospy.get_time())
-        self._target = None
-
-    def _note_ends(self, now: float) -> None:
-        while not self._ends.empty():
-            serial, outcome, text = self._ends.get()
-            if serial != self._serial or self._stop is None:
-                continue
-            if outcome is not Outcome.REACHED or not self._is_at(self._stop):
-                rospy.logwarn("move_base ended the way to (%.2f, %.2f): %s", *self._stop, text)
-                self._retry_at = now + _RETRY
-
-    def _drive(self, route: list[tuple[float, float]], now: float) -> None:
-        """Sends move_base to the end of the route, if that has changed."""
-        if not route or not self._move_base.present():
-            return
-        stop = route[-1]
-        if self._stop is not None and math.dist(stop, self._stop) < _SAME and now < self._retry_at:
-            return
-        if self._stop is None and len(route) == 1 and self._is_at(stop):
-            return
-        self._stop, self._retry_at = stop, math.inf
-        self._serial = self._move_base.send(MoveBaseGoal(self._pose_at(stop, route)))
-
-    def _is_at(self, point: tuple[float, float]) -> bool:
-        position = self._position(self._base)
-        return position is not None and math.dist(position, point) <= self._config.reach
-
-    def _pose_at(self, stop: tuple[float, float], route: list[tuple[float, float]]) -> PoseStamped:
+    def _stop_pose(self, drive: Drive) -> PoseStamped:
         """Returns the goal's own pose at the goal; elsewhere a pose facing along the route."""
-        target = self._target
-        if target is not None and math.dist((target.pose.position.x, target.pose.position.y), stop) < _SAME:
-            return target
-        start = route[-2] if len(route) > 1 else self._position(self._base) or stop
-        yaw = math.atan2(stop[1] - start[1], stop[0] - start[0])
-        return stamped_from_pose(Pose(*stop, yaw), "map", rospy.Time.now())
+        if drive.final and self._target is not None:
+            return self._target
+        yaw = math.atan2(drive.stop[1] - drive.before[1], drive.stop[0] - drive.before[0])
+        return stamped_from_pose(Pose(*drive.stop, yaw), "map", rospy.Time.now())
 
 
 def main() -> int:

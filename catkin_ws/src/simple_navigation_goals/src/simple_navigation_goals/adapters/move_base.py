@@ -88,6 +88,12 @@ class MoveBase:
         self._goals.publish(MoveBaseActionGoal(Header(0, stamp, ""), GoalID(stamp, self._goal.id), goal))
         return self._serial
 
+    def serial_of(self, goal_id: str) -> int:
+        """Returns the serial number of a goal by its id; 0 if this client did not send it."""
+        prefix = f"{self._node.name}-"
+        serial = goal_id.removeprefix(prefix).partition("-")[0]
+        return int(serial) if goal_id.startswith(prefix) and serial.isdecimal() else 0
+
     def cancel(self) -> None:
         """Cancels the goal sent last, and stops tracking it."""
         if self._goal is not None:

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import PoseStamped, Twist
 from move_base_msgs.msg import MoveBaseGoal
 from std_msgs.msg import Empty as EmptyMessage
@@ -63,7 +64,8 @@ class GoalClientNode:
         ~clear (std_srvs/Empty): drops all waypoints and the patrol, and cancels the active goal.
         ~patrol (std_srvs/Trigger): reads the file ~patrol (again) and starts its patrol.
 
-    Actions called: ~action (move_base_msgs/MoveBaseAction).
+    Actions called: ~action (move_base_msgs/MoveBaseAction). If that is not move_base but a node that forwards to it,
+        the goals of move_base are cancelled when that node ends.
 
     Parameters: ``GoalClientConfig``; the service ~patrol reads ~patrol again.
 
@@ -95,6 +97,8 @@ class GoalClientNode:
         self._publisher = node.advertise("~queue", WaypointQueueMessage, latch=True)
         self._acts = node.every(_TICK, self._act)
         self._move_base = MoveBase(node, config.action, self._on_done)
+        #: cancels what a server that has ended still makes move_base do
+        self._cancels = node.advertise("move_base/cancel", GoalID) if config.action != "move_base" else None
         node.subscribe(topic, Twist, partial(self._on_waypoint, waypoint_from_twist))
         node.subscribe(f"{topic}_pose", PoseStamped, partial(self._on_waypoint, waypoint_from_pose))
         node.subscribe("~cancel", EmptyMessage, self._clear)
@@ -173,6 +177,9 @@ class GoalClientNode:
         else:
             self._move_base.forget()
             self._queue.server_lost()
+            if self._cancels is not None:
+                # With a stamp, it also holds for goals that arrive after it.
+                self._cancels.publish(GoalID(stamp=self._node.stamp()))
 
     def _send_due(self) -> None:
         due = self._queue.due()
