@@ -243,9 +243,17 @@ def scan_from_message(message: LaserScan, base_from_laser: Transform) -> Scan:
 
 
 def points_from_scan(message: LaserScan, inf_is_valid: bool) -> NDArray[np.float64]:
-    """Returns the points (n, 3) [m] of a scan message in the laser's frame; raises like ``scan_from_message``."""
+    """Returns the points (n, 3) [m] of a scan message in the laser's frame.
+
+    Raises:
+        ObservationError: as for ``scan_from_message``, or no range is a measurement: each is NaN or minus infinity,
+            or there are none. Plus infinity is one: nothing is in range.
+    """
     _check_scan(message)
-    ranges, limits = np.asarray(message.ranges, np.float32), (message.range_min, message.range_max)
+    ranges = np.asarray(message.ranges, np.float32)
+    if not (ranges > -np.inf).any():
+        raise ObservationError(f"scan refused: none of its {len(ranges)} ranges is a measurement")
+    limits = (message.range_min, message.range_max)
     return points_from_ranges(ranges, message.angle_min, message.angle_increment, *limits, inf_is_valid)
 
 

@@ -28,7 +28,7 @@ def arrive(newest: sensor.Newest[Odometry], speed: float, cut: int = 0) -> None:
 
 
 def speeds(newest: sensor.Newest[Odometry]) -> list[float]:
-    return [message.twist.twist.linear.x for message in newest.messages()]
+    return [arrival.message.twist.twist.linear.x for arrival in newest.arrivals()]
 
 
 def test_a_message_that_does_not_parse_costs_only_itself(odometry: sensor.Newest[Odometry]) -> None:

@@ -1,5 +1,6 @@
 """A costmap with its topics: the counterpart of Costmap2DROS."""
 
+from functools import partial
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -24,12 +25,13 @@ from nav_bundle.core.costmap.config import CostmapConfig, FleetConfig, ObstacleC
 from nav_bundle.core.costmap.cost import occupancy_by_cost
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.geometry import EMPTY
-from nav_bundle.core.costmap.layer import Observation, ObservationBuffer
-from nav_bundle.core.error import NavigationError, ObservationError
+from nav_bundle.core.costmap.layer import Observation
+from nav_bundle.core.costmap.source import Arrival, Source
+from nav_bundle.core.error import NavigationError
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.pushing import Picture
-from nav_bundle.core.transform import ExtrapolationError, TransformError
+from nav_bundle.core.transform import TransformError
 from nav_bundle.nodes.sensor import Newest
 from nav_bundle.nodes.transform import TransformListener, robot_frame
 from pioneer_node.core.frame import stripped
@@ -38,6 +40,8 @@ from pioneer_node.nodes.standing_warning import StandingWarning
 Seen: TypeAlias = "ScanMessage | PointCloud2"
 
 _WORLD_FRAME = "map"
+_SCANS_KEPT, _CLOUDS_KEPT = 50, 12
+"""Number of messages kept while they wait for the transform at their stamp; clouds are large."""
 
 
 def costmap_frame(frame: str) -> str:
@@ -61,7 +65,8 @@ class CostmapNode:
 
     Threads: subscriber threads store messages; everything else runs in the owner's thread.
 
-    On error: a pose or scan without a valid transform leaves the costmap unchanged and makes it not current.
+    On error: a pose or scan without a valid transform leaves the costmap unchanged and makes it not current, and so
+        does a scan that does not parse or holds no measurement.
     """
 
     def __init__(self, name: str, config: CostmapConfig, listener: TransformListener) -> None:
@@ -75,7 +80,7 @@ class CostmapNode:
         self._map_topic, self._map_frame = "", self.frame
         self._scans: dict[tuple[str, str], Newest[Seen]] = {}
         self._others: tuple[FleetConfig, ...] = ()
-        self._sources: list[_Source] = []
+        self._sources: list[_Input] = []
         self._listen_to(config)
         self._subscribe_map()
         self._listener_flag = _NewListener()
@@ -110,18 +115,16 @@ class CostmapNode:
         for key in self._scans.keys() - wanted:
             self._scans.pop(key).close()
         for topic, data_type in wanted - self._scans.keys():
-            kind = PointCloud2 if data_type == "PointCloud2" else ScanMessage
-            self._scans[topic, data_type] = Newest(topic, kind, 4)
-        buffers = {source.config: source.buffer for source in self._sources}
-        self._sources = [
-            _Source(
-                source,
-                robot_frame(source.sensor_frame) if source.sensor_frame else "",
-                self._scans[source.topic, source.data_type],
-                buffers.get(source, ObservationBuffer(source.observation_persistence)),
-            )
-            for source in dict.fromkeys(sources)
-        ]
+            if data_type == "PointCloud2":
+                self._scans[topic, data_type] = Newest(topic, PointCloud2, _CLOUDS_KEPT)
+            else:
+                self._scans[topic, data_type] = Newest(topic, ScanMessage, _SCANS_KEPT)
+        known = {source.config: source.source for source in self._sources}
+        self._sources = []
+        for source in dict.fromkeys(sources):
+            frame = robot_frame(source.sensor_frame) if source.sensor_frame else ""
+            scans = self._scans[source.topic, source.data_type]
+            self._sources.append(_Input(source, frame, scans, known.get(source) or Source(source)))
 
     def _subscribe_map(self) -> None:
         for layer in self._config.layers:
@@ -169,8 +172,21 @@ class CostmapNode:
             return None
 
     def is_current(self, now: float) -> bool:
-        """Returns whether every source has published within its ``expected_update_rate``."""
-        return all(source.is_current(now) for source in self._sources)
+        """Returns whether each source is used within its ``expected_update_rate``; warns of those that are not."""
+        current = True
+        for source in self._sources:
+            fault = self._fault(source, now)
+            if fault:
+                current = False
+                source.scans.overdue.warn(fault)
+            else:
+                source.scans.overdue.end()
+        return current
+
+    def _fault(self, source: "_Input", now: float) -> str:
+        """Returns why a source is not current; empty if it is."""
+        period = 1.0 / self._config.update_frequency
+        return source.source.fault(source.scans.received, now, period, self._config.transform_tolerance)
 
     def update(self, now: float, forced: bool = False) -> bool:
         """Updates and publishes the costmap, each if due; ``forced`` updates in any case.
@@ -193,18 +209,19 @@ class CostmapNode:
         self._publish(now, pose)
         return True
 
-    def picture(self) -> Picture | None:
-        """Returns the newest observation of the first source that has one; None before the first scan."""
-        newest = next((source.buffer.last for source in self._sources), None)
-        if newest is None:
-            return None
-        return Picture(Pose(newest.sensor_x, newest.sensor_y, newest.sensor_yaw), newest.points)
+    def picture(self, now: float) -> Picture | None:
+        """Returns the newest observation of the first source that is current and has one; else None."""
+        for source in self._sources:
+            newest = source.source.buffer.last
+            if newest is not None and not self._fault(source, now):
+                return Picture(Pose(newest.sensor_x, newest.sensor_y, newest.sensor_yaw), newest.points)
+        return None
 
     def forget(self) -> None:
         """Drops all sensor data after the clock jumped back."""
         for source in self._sources:
             source.scans.forget()
-            source.buffer.forget()
+            source.source.forget()
         self.costmap.reset()
 
     def _map_place(self) -> Pose | None:
@@ -235,39 +252,26 @@ class CostmapNode:
 
     def _observations(self, now: float) -> list[Observation]:
         """Returns the valid observations of all sources that can be transformed into the costmap's frame."""
+        observations = []
         for source in self._sources:
-            kept = source.scans.messages()
-            if source.buffer.persistence <= 0.0:
-                self._place_newest(source, kept)
-                continue
-            for scan in reversed(kept):
-                if scan.header.stamp.to_sec() > source.buffer.newest:
-                    self._place_newest(source, [scan])
-        return [seen for source in self._sources for seen in source.buffer.current(now)]
+            source.source.update(source.scans.arrivals(), partial(self._placed, source), now)
+            refusal = source.source.refusal
+            if refusal:
+                source.scans.unusable.warn(f"{self.name}: cannot use messages on {source.scans.topic}: {refusal}")
+            else:
+                source.scans.unusable.end()
+            observations.extend(source.source.buffer.current(now))
+        return observations
 
-    def _place_newest(self, source: "_Source", scans: list[Seen]) -> None:
-        """Buffers the newest of ``scans`` (newest first) whose transform is available."""
-        unusable = source.scans.unusable
-        for scan in scans:
-            try:
-                source.buffer.add(scan.header.stamp.to_sec(), self._placed(source, scan))
-                unusable.end()
-                return
-            except ExtrapolationError as error:
-                if not error.future:
-                    return
-            except (TransformError, ObservationError) as error:
-                unusable.warn(f"{self.name}: cannot use messages on {source.scans.topic}: {error}")
-                return
-
-    def _placed(self, source: "_Source", scan: Seen) -> Observation:
+    def _placed(self, source: "_Input", arrival: Arrival[Seen]) -> Observation:
+        """Returns the observation of a message; raises TransformError or ObservationError."""
         config = source.config
-        place = self._listener.lookup(self.frame, source.frame or scan.header.frame_id, scan.header.stamp.to_sec())
-        points = place.apply(
-            points_from_cloud(scan)
-            if config.data_type == "PointCloud2"
-            else points_from_scan(scan, config.inf_is_valid)
-        )
+        scan = arrival.message
+        place = self._listener.lookup(self.frame, source.frame or scan.header.frame_id, arrival.stamp or None)
+        if config.data_type == "PointCloud2":
+            points = place.apply(points_from_cloud(scan))
+        else:
+            points = place.apply(points_from_scan(scan, config.inf_is_valid))
         heights = points[:, 2]
         kept = (heights >= config.min_obstacle_height) & (heights <= config.max_obstacle_height)
         sensor_x, sensor_y, _ = place.translation
@@ -317,28 +321,10 @@ class _NewListener(rospy.SubscribeListener):  # type: ignore[misc]
         self.arrived = True
 
 
-class _Source(NamedTuple):
-    """One observation source."""
+class _Input(NamedTuple):
+    """One observation source and its subscription."""
 
     config: SourceConfig  #: its parameters
     frame: str  #: frame of the sensor; empty: that in the messages
     scans: Newest[Seen]  #: its newest messages
-    buffer: ObservationBuffer  #: its observations in the costmap's frame
-
-    def is_current(self, now: float) -> bool:
-        """Returns whether it has published within its ``expected_update_rate``; warns if it has not."""
-        scans, allowed = self.scans, self.config.expected_update_rate
-        if allowed <= 0.0:
-            return True
-        age = scans.age(now)
-        if age is None:
-            scans.overdue.warn(f"no scans on {scans.topic} yet")
-        elif age > allowed:
-            scans.overdue.warn(
-                f"The {scans.topic} observation buffer has not been updated for {age:.2f} seconds, "
-                f"and it should be updated every {allowed:.2f} seconds."
-            )
-        else:
-            scans.overdue.end()
-            return True
-        return False
+    source: Source[Seen]  #: its observations, and whether it is current

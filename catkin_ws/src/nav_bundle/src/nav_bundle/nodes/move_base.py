@@ -23,6 +23,7 @@ from nav_bundle.conversions import (
     stamped_from_pose,
     velocity_from_odometry,
 )
+from nav_bundle.core.costmap.source import Arrival
 from nav_bundle.core.error import MessageError
 from nav_bundle.core.global_planner import visible_potential
 from nav_bundle.core.local_planner import Velocity
@@ -219,7 +220,7 @@ class MoveBaseNode:
     def _cycle(self, now: float) -> None:
         if self._global.update(now):
             self._navigator.look_around(self._global.pose(now))
-        if self._local.update(now) and (picture := self._local.picture()):
+        if self._local.update(now) and (picture := self._local.picture(now)):
             self._navigator.look_at(picture)
         goal, idle = self._goals.take(), self._navigator.phase is Phase.IDLE
         if goal is not None:
@@ -240,22 +241,22 @@ class MoveBaseNode:
     def _sight(self, now: float) -> Sight:
         """Returns the robot's current state, as far as it is known."""
         pose, local_pose = self._global.pose(now), self._local.pose(now)
-        odometry = self._odometry.messages()
-        if pose is None or local_pose is None or not odometry or not self._is_current(now):
+        odometry = next(self._odometry.arrivals(), None)
+        if pose is None or local_pose is None or not self._is_current(odometry, now):
             return Sight(pose)
+        assert odometry is not None
         try:
             transform = self._listener.lookup(self._local.frame, self._global.frame).planar()
-            velocity = velocity_from_odometry(odometry[0])
+            velocity = velocity_from_odometry(odometry.message)
         except (TransformError, MessageError) as error:
             self._blind.warn(str(error))
             return Sight(pose)
         self._blind.end()
         return Sight(pose, local_pose, transform, velocity, True)
 
-    def _is_current(self, now: float) -> bool:
-        age = self._odometry.age(now)
+    def _is_current(self, odometry: Arrival[Odometry] | None, now: float) -> bool:
         timeout = self._setup.base.odom_timeout
-        if age is None or (0.0 < timeout < age):
+        if odometry is None or (0.0 < timeout < now - odometry.received):
             self._blind.warn(f"no odometry on {self._odometry.topic}: standing still")
             return False
         return self._global.is_current(now) and self._local.is_current(now)

@@ -1,11 +1,13 @@
 """Subscriptions that keep the newest messages and unpack them only on access."""
 
 from collections import deque
+from collections.abc import Iterator
 from typing import Any, Generic, Self, TypeVar
 
 import genpy
 import rospy
 
+from nav_bundle.core.costmap.source import Arrival
 from pioneer_node.nodes.standing_warning import StandingWarning
 
 _WARNING_PERIOD = 5.0
@@ -14,11 +16,13 @@ Message = TypeVar("Message")
 
 
 def _packed(kind: type[Any]) -> type[Any]:
-    """Returns a message class that stays serialised until ``Newest.messages``, since most messages are never read."""
+    """Returns a message class that stays serialised until ``Newest.arrivals``, since most messages are never read."""
 
     class Packed(kind):  # type: ignore[misc]
         packed: bytes | None = None
         broken = False
+        number = 0
+        received = 0.0
 
         def deserialize(self, data: bytes) -> Self:
             """Keeps the message's bytes."""
@@ -37,7 +41,7 @@ class Newest(Generic[Message]):
 
     Args:
         topic: name of the topic.
-        kind: class of its messages.
+        kind: class of its messages, which have a header.
         depth: number of messages kept: several, because the newest may not parse or be ahead of its transform.
     """
 
@@ -47,17 +51,17 @@ class Newest(Generic[Message]):
         self.unusable = StandingWarning(f"messages on {topic} are usable again")
         self._kind = kind
         self._kept: deque[Any] = deque(maxlen=depth)
+        self._count = 0
         self.received: float | None = None
         """ROS time [s] of the last arrival; None before the first."""
         self._subscriber = rospy.Subscriber(topic, _packed(kind), self._store, queue_size=1, tcp_nodelay=True)
 
     def _store(self, message: Any) -> None:
+        self._count += 1
+        message.number = self._count
+        message.received = rospy.get_time()
         self._kept.append(message)
-        self.received = rospy.get_time()
-
-    def age(self, now: float) -> float | None:
-        """Returns the time [s] since the last arrival; None before the first."""
-        return None if self.received is None else now - self.received
+        self.received = message.received
 
     def forget(self) -> None:
         """Drops all messages after the clock jumped back."""
@@ -68,10 +72,11 @@ class Newest(Generic[Message]):
         """Ends the subscription."""
         self._subscriber.unregister()
 
-    def messages(self) -> list[Message]:
-        """Returns the kept messages, newest first."""
-        kept = (each for each in reversed(self._kept.copy()) if not each.broken)
-        return [each for each in kept if each.packed is None or self._unpack(each)]
+    def arrivals(self) -> Iterator[Arrival[Message]]:
+        """Yields the kept messages that parse, newest first; unpacks each only when it is reached."""
+        for message in reversed(self._kept.copy()):
+            if not message.broken and (message.packed is None or self._unpack(message)):
+                yield Arrival(message.number, message.received, message.header.stamp.to_sec(), message)
 
     def _unpack(self, message: Any) -> bool:
         try:

@@ -17,8 +17,8 @@ class SourceConfig:
     """One observation source: a laser scan or a point cloud.
 
     ``observation_persistence`` [s] is how long an observation keeps marking and clearing; 0 keeps only the newest.
-    ``expected_update_rate`` [s] is the longest time between messages before the source counts as stale; 0 disables
-    the check. Ranges [m] apply to this source; heights [m] are in the costmap's frame.
+    ``expected_update_rate`` [s] is the longest time without a message that can be used before the source counts as
+    stale; 0 disables the check. Ranges [m] apply to this source; heights [m] are in the costmap's frame.
     """
 
     topic: str
