@@ -1,15 +1,21 @@
 """Experiments: the state after a killed worker or Ctrl-C, and how the same command continues from it."""
 
 import csv
+import fcntl
 import json
 import os
+import shutil
 import signal
+import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
+from pioneer_demo.adapters.output_folder import FolderLock
+from pioneer_demo.adapters.scenario_file import scenario_folder
 from pioneer_harness.wait import wait_until
 
 PROGRAM = Path(__file__).with_name("study_program.py")
@@ -114,12 +120,87 @@ def test_a_scheduler_that_does_not_exist_is_named(study):
     assert "pioneer experiment: no scheduler at tcp://127.0.0.1:1: " in text
 
 
+def test_ctrl_c_ends_a_study_whose_scheduler_never_answers(study):
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        stuck = experiment(study, "--scheduler", f"tcp://127.0.0.1:{mute.getsockname()[1]}")
+        mute.settimeout(PATIENCE)
+        connection, _ = mute.accept()
+        with connection:
+            began = time.monotonic()
+            stuck.send_signal(signal.SIGINT)
+            text, _ = stuck.communicate(timeout=PATIENCE)
+    assert stuck.returncode == 130, text
+    assert time.monotonic() - began < 30.0
+    assert "every process of this experiment has ended" in text
+
+
+def test_two_studies_at_once_finish_whoever_holds_dasks_common_folder(study, monkeypatch):
+    """A lock of dask's folder in /tmp, which all studies shared, once stopped every start without an end."""
+    common = study / "tmp" / "dask-worker-space"
+    common.mkdir(parents=True)
+    monkeypatch.setenv("TMPDIR", str(study / "tmp"))
+    (study / "other.yaml").write_text((study / "study.yaml").read_text().replace(f"runs: {RUNS // 2}", "runs: 1"))
+    with (common / "global.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        words = ("pioneer_demo", "experiment", "other.yaml", "--jobs", "1", "--output")
+        both = [python(study, *words, name, stdout=subprocess.PIPE) for name in ("one", "two")]
+        texts = [process.communicate(timeout=PATIENCE)[0] for process in both]
+    assert [process.returncode for process in both] == [0, 0], texts
+    for name in ("one", "two"):
+        assert not list((study / name).glob("scratch-*"))
+
+
+def test_two_studies_on_one_scheduler_keep_their_results_apart(study, scheduler):
+    """Their variants have the same names; the one's waypoints decide its figures."""
+    text = (study / "study.yaml").read_text()
+    (study / "other.yaml").write_text(text.replace("near: {}", "near: {waypoints: 5}"))
+    words = ("--scheduler", scheduler, "--runs", "2")
+    both = [
+        python(study, "pioneer_demo", "experiment", f"{name}.yaml", *words, "--output", name, stdout=subprocess.PIPE)
+        for name in ("study", "other")
+    ]
+    texts = [process.communicate(timeout=PATIENCE)[0] for process in both]
+    assert [process.returncode for process in both] == [0, 0], texts
+    for name, seconds in (("study", 11.0), ("other", 51.0)):
+        assert json.loads((study / name / "runs" / "near-1.json").read_text())["seconds"] == seconds
+
+
+def test_one_folder_takes_one_study_at_a_time(study):
+    with FolderLock(study / "out"):
+        done = experiment(study)
+        text, _ = done.communicate(timeout=PATIENCE)
+    assert done.returncode == 2
+    assert f"--output: out is in use by process {os.getpid()}" in text
+
+
+def test_a_study_does_not_continue_with_a_file_that_has_changed(study):
+    world = study / "hall.world"
+    shutil.copy(scenario_folder() / "world" / "corridor.world", world)
+    with (study / "s.yaml").open("a") as scenario:
+        scenario.write("world: hall.world\n")
+    (study / "s.yaml").write_text((study / "s.yaml").read_text().replace("world: small_world\n", ""))
+    first = experiment(study, "--jobs", "2", "--runs", "1")
+    text, _ = first.communicate(timeout=PATIENCE)
+    assert first.returncode == 0, text
+    world.write_text(world.read_text() + "<!-- other walls -->")
+    second = experiment(study, "--jobs", "2", "--runs", "1")
+    text, _ = second.communicate(timeout=PATIENCE)
+    assert second.returncode == 2
+    assert f"{world} has changed since the runs in out: restore it, or give another --output" in text
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [
         ("scenario: none", "there is no scenario none"),
         ("scenario: head_on\nvariants:\n  a: {wrold: x}", "variant a: unknown field wrold; did you mean world?"),
         ("scenario: head_on\nrunns: 3", "study.yaml:2: unknown field runns; did you mean runs?"),
+        ("scenario: head_on\nvariants:\n  a: {}\n  b: {seed: 1}", "study.yaml:4: variant b: it is equal to variant a"),
+        (
+            "scenario: head_on\nvariants:\n  a: {}\n  b:\n    rounds: 0",
+            "study.yaml:5: variant b: rounds must be 1 to 1000, not 0",
+        ),
+        ("scenario: head_on\nfirst_seed: -1", "study.yaml:2: first_seed must be 0 to"),
     ],
 )
 def test_a_wrong_study_is_one_line(study, text, told):

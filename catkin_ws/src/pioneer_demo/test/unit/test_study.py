@@ -12,7 +12,7 @@ from pioneer_demo.adapters.scenario_file import scenario_folder, scenario_of
 from pioneer_demo.core.comparison import frame_of, median_interval, rate, rate_difference, summary_of
 from pioneer_demo.core.error import OptionError
 from pioneer_demo.core.option import Machine
-from pioneer_demo.core.study import Run, Study, merged, row_of
+from pioneer_demo.core.study import Run, Study, merged, row_of, time_left
 from pioneer_demo.core.study_option import experiment_config
 from pioneer_node.adapters.document import read_content, read_document
 
@@ -44,7 +44,22 @@ def test_a_number_of_jobs_or_runs_out_of_range_is_refused_by_its_name(words, tex
 def test_runs_come_seed_by_seed_so_that_an_early_end_still_compares():
     runs = Study(scenario="s", runs=2, first_seed=5, variants={"a": {}, "b b": {}}).all_runs()
     assert runs == [Run("a", 5), Run("b b", 5), Run("a", 6), Run("b b", 6)]
-    assert runs[1].name == "b_b-5"
+    assert runs[1].name == "b b-5"
+
+
+def test_variants_of_similar_names_have_runs_of_their_own():
+    variants: dict[str, dict[str, object]] = {
+        name: {} for name in ["fast mode", "fast_mode", "fast-mode", "fast", "fast-1", "1"]
+    }
+    names = [run.name for run in Study(scenario="s", runs=120, first_seed=0, variants=variants).all_runs()]
+    assert len(set(names)) == len(names)
+
+
+def test_the_time_left_comes_from_the_runs_that_have_ended_with_its_spread():
+    assert time_left([], 10, 2) == "time left unknown"
+    assert time_left([60.0], 10, 2) == "about 5 min left"
+    assert time_left([60.0, 60.0], 1, 4) == "about 1 min left (1 … 1)"
+    assert time_left([30.0, 90.0, 60.0, 60.0], 20, 2) == "about 10 min left (6 … 14)"
 
 
 def test_a_variant_changes_inside_mappings_and_replaces_the_rest():

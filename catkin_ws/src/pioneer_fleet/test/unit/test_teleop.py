@@ -1,4 +1,4 @@
-"""How teleop ends: the robot is told to stop first."""
+"""How teleop ends: the robot stops first."""
 
 import os
 import pty

@@ -1,6 +1,8 @@
 """Reads scenarios from YAML files, or by name from those shipped with this package."""
 
 import dataclasses
+import hashlib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -66,3 +68,33 @@ def scenario_of(content: Any, path: Path, lines: dict[Place, int]) -> Scenario:
     except FleetFileError as error:
         raise DocumentError(str(error)) from None
     return dataclasses.replace(said, world=world, navigation=navigation, robots=robots)
+
+
+def digests(scenarios: Iterable[Scenario]) -> dict[str, str]:
+    """Returns a digest of each file that the scenarios use: worlds, maps, descriptions and navigation parameters."""
+    found: dict[str, str] = {}
+    for scenario in scenarios:
+        for path in _files(scenario):
+            if path.is_file() and str(path) not in found:
+                found[str(path)] = hashlib.sha256(path.read_bytes()).hexdigest()
+    return found
+
+
+def _files(scenario: Scenario) -> list[Path]:
+    """Returns the paths of the files that a scenario names, and of its world's map."""
+    world, description = map_files(scenario.world)
+    files = [world, description, *description.parent.glob(f"{description.stem}.p[gn][mg]")]
+    robots = () if isinstance(scenario.robots, int) else scenario.robots
+    names = [scenario.navigation]
+    for robot in robots:
+        names += [robot.description, robot.navigation]
+    return [*files, *(Path(name) for name in names if name)]
+
+
+def map_files(world: str) -> tuple[Path, Path]:
+    """Returns the paths of a world, given by its name or its file, and of its map's description."""
+    if world.endswith(".world"):
+        path = Path(world)
+        return path, path.with_suffix(".yaml")
+    package = Path(rospkg.RosPack().get_path("pioneer_gazebo"))
+    return package / "worlds" / f"{world}.world", package / "map" / f"{world}.yaml"

@@ -24,7 +24,8 @@ CONFIDENCE = 0.95
 
 def frame_of(rows: list[dict[str, Any]], variants: list[str]) -> pandas.DataFrame:
     """Returns the rows as a table, sorted by variant and seed; metrics missing in rows of older releases are empty."""
-    table = pandas.DataFrame([{**dict.fromkeys(METRICS), "finished": True, **row} for row in rows])
+    default: dict[str, Any] = {**dict.fromkeys(METRICS), "finished": True}
+    table = pandas.DataFrame([{**default, **row} for row in rows])
     table["variant"] = pandas.Categorical(table["variant"], categories=variants, ordered=True)
     for name in ("success", "finished"):
         table[name] = table[name].astype(bool)

@@ -41,7 +41,7 @@ class Fault:
     loss: float = 0.0  #: fraction of packets lost; 1 cuts the link
     delay: float = 0.0  #: of each packet, in wall time [s]
     rate: float = 0.0  #: maximum total rate, in wall time [bit/s]; 0 for no limit
-    lasts: float = 0.0  #: duration [s of simulated time]
+    lasts: float = math.nan  #: duration [s of simulated time]; of a move, which has none, 0
     every: float = 0.0  #: repetition period [s of simulated time]
     times: int = 1  #: total number of occurrences
 
@@ -57,6 +57,10 @@ class Fault:
             raise DocumentError(f"a door is [x, y, degrees, length], not {list(self.door)}", "door")
         if len(self.to) != (3 if self.move else 0):
             raise DocumentError("'move' needs 'to: [x, y, degrees]'; no other fault takes 'to'", "to")
+        if self.move and math.isnan(self.lasts):
+            object.__setattr__(self, "lasts", 0.0)
+        if math.isnan(self.lasts):
+            raise DocumentError("lasts is missing: the duration of the fault [s]", "lasts")
         if not self.move and self.lasts <= 0.0:
             raise DocumentError(f"lasts must be above 0 s, not {self.lasts:g}", "lasts")
         if self.at < 0.0:

@@ -1,8 +1,9 @@
 """A study: variants of a scenario, each run with the same seeds, and one row of metrics per run."""
 
 import dataclasses
+import math
 import statistics
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from pioneer_node.core.document import DocumentError
@@ -22,6 +23,9 @@ METRICS = {
 """Metrics compared in addition to success, with their descriptions."""
 CENSORED = ("seconds", "path_length")
 """Metrics that a run without an end has not: they count as worse than those of every run that has ended."""
+MOST_SEED = 2**31 - 1
+_SPREAD = 2.0
+"""Number of standard deviations that a spread shows to each side."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -42,6 +46,8 @@ class Study:
         """Validates the fields."""
         if not 1 <= self.runs <= 100_000:
             raise DocumentError(f"runs must be 1 to 100000, not {self.runs}", "runs")
+        if not 0 <= self.first_seed <= MOST_SEED - self.runs:
+            raise DocumentError(f"first_seed must be 0 to {MOST_SEED - self.runs}, not {self.first_seed}", "first_seed")
         if not self.variants:
             raise DocumentError("there must be 1 variant or more", "variants")
         for name in self.variants:
@@ -64,7 +70,7 @@ class Run:
     @property
     def name(self) -> str:
         """Name of its file, without suffix."""
-        return f"{self.variant.replace(' ', '_')}-{self.seed}"
+        return f"{self.variant}-{self.seed}"
 
 
 def merged(content: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
@@ -143,6 +149,27 @@ def _spl(robots: Iterable[Mapping[str, Any]]) -> float | None:
         share = shortest / longest if longest > 0.0 else 1.0
         shares.append(share if _has_finished(robot) else 0.0)
     return statistics.fmean(shares) if shares else None
+
+
+def time_left(walls: Sequence[float], left: int, workers: int) -> str:
+    """Returns how long the runs that are left take, from those that have ended, with its spread; in minutes.
+
+    Args:
+        walls: wall times of the runs that have ended [s].
+        left: number of runs to do.
+        workers: number of runs at a time.
+    """
+    if not walls or not workers:
+        return "time left unknown"
+    at_once = min(workers, left) or 1
+    mean = statistics.fmean(walls) * left / at_once
+    if len(walls) < 2:
+        return f"about {mean / 60:.0f} min left"
+    # Of the sum of the runs that are left, and of the mean that it is estimated from.
+    spread = statistics.stdev(walls) * math.sqrt(left + left * left / len(walls)) / at_once
+    low = max(0.0, mean - _SPREAD * spread)
+    high = mean + _SPREAD * spread
+    return f"about {mean / 60:.0f} min left ({low / 60:.0f} … {high / 60:.0f})"
 
 
 def _known(values: Iterable[float | None]) -> list[float]:

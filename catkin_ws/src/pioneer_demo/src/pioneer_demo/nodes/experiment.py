@@ -5,6 +5,7 @@ import json
 import os
 import shlex
 import sys
+import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,16 +15,17 @@ import yaml
 
 from pioneer_demo.adapters.cluster import Cluster
 from pioneer_demo.adapters.interrupt import Interrupt, Interrupted
-from pioneer_demo.adapters.scenario_file import scenario_of, scenario_path
+from pioneer_demo.adapters.output_folder import FolderLock
+from pioneer_demo.adapters.scenario_file import digests, scenario_of, scenario_path
 from pioneer_demo.adapters.study_report import write_report
-from pioneer_demo.core.error import DemoError, OptionError
+from pioneer_demo.core.error import DemoError, FolderInUseError, OptionError
 from pioneer_demo.core.option import Machine
 from pioneer_demo.core.scenario import Scenario
-from pioneer_demo.core.study import Run, Study, merged
+from pioneer_demo.core.study import Run, Study, merged, time_left
 from pioneer_demo.core.study_option import ExperimentConfig, experiment_config
 from pioneer_harness.proc import processors
-from pioneer_node.adapters.document import read_content, read_document
-from pioneer_node.core.document import DocumentError
+from pioneer_node.adapters.document import located, read_content
+from pioneer_node.core.document import DocumentError, built
 
 _POLL, _SHOW = 0.5, 30.0
 _FAILED, _BAD_ARGUMENTS = 1, 2
@@ -33,8 +35,8 @@ def main(arguments: Sequence[str], interrupt: Interrupt) -> int:
     """Runs a study; returns the exit status: 0 once all runs are done, successful or not."""
     try:
         config = experiment_config(arguments, Machine({}, 0, processors()))
-        study, scenarios = prepared(config)
-        return _run(config, study, scenarios, interrupt)
+        study, scenarios, texts = prepared(config)
+        return _run(config, study, scenarios, texts, interrupt)
     except Interrupted as error:
         print(f"{error}: every process of this experiment has ended; the same command resumes it.")
         return error.status
@@ -46,31 +48,45 @@ def main(arguments: Sequence[str], interrupt: Interrupt) -> int:
         return _FAILED
 
 
-def prepared(config: ExperimentConfig) -> tuple[Study, dict[str, str]]:
-    """Returns the study, and each variant's scenario as text with absolute paths.
+def prepared(config: ExperimentConfig) -> tuple[Study, dict[str, Scenario], dict[str, str]]:
+    """Returns the study, each variant's scenario, and the same as text with absolute paths.
 
     Raises:
-        OptionError: the study, its scenario or a variant is invalid.
+        OptionError: the study, its scenario or a variant is invalid; the message has file and line.
     """
     try:
-        study = read_document(Study, config.study)
-        if config.runs:
-            study = dataclasses.replace(study, runs=config.runs)
-        beside = config.study.parent / study.scenario
-        path = beside if beside.is_file() else scenario_path(Path(study.scenario))
-        content, lines = read_content(path)
-        scenario_of(content, path, lines)
+        return _prepared(config)
     except DocumentError as error:
         raise OptionError(str(error)) from None
-    scenarios = {}
+
+
+def _prepared(config: ExperimentConfig) -> tuple[Study, dict[str, Scenario], dict[str, str]]:
+    described, lines = read_content(config.study)
+    try:
+        study = built(Study, described, "a study")
+    except DocumentError as error:
+        raise located(error, config.study, lines) from None
+    if config.runs:
+        study = dataclasses.replace(study, runs=config.runs)
+    beside = config.study.parent / study.scenario
+    path = beside if beside.is_file() else scenario_path(Path(study.scenario))
+    content, own_lines = read_content(path)
+    scenario_of(content, path, own_lines)
+    scenarios: dict[str, Scenario] = {}
+    texts: dict[str, str] = {}
     for name, change in study.variants.items():
         whole = merged(content, change)
         try:
-            said = scenario_of(whole, path, {(): 1})
+            scenario = scenario_of(whole, path, {(): 1})
+            same = next((other for other, known in scenarios.items() if known == scenario), None)
+            if same is not None:
+                raise DocumentError(f": it is equal to variant {same}")
         except DocumentError as error:
-            raise OptionError(f"{config.study}: variant {name}: {str(error).partition(': ')[2]}") from None
-        scenarios[name] = yaml.safe_dump({**whole, **_with_paths(said, whole)})
-    return study, scenarios
+            text = f"variant {name}: {str(error).partition(': ')[2]}"
+            raise located(DocumentError(text, "variants", name, *error.place), config.study, lines) from None
+        scenarios[name] = scenario
+        texts[name] = yaml.safe_dump({**whole, **_with_paths(scenario, whole)})
+    return study, scenarios, texts
 
 
 def _with_paths(said: Scenario, content: Mapping[str, Any]) -> dict[str, Any]:
@@ -82,36 +98,49 @@ def _with_paths(said: Scenario, content: Mapping[str, Any]) -> dict[str, Any]:
     return fields
 
 
-def _run(config: ExperimentConfig, study: Study, scenarios: Mapping[str, str], interrupt: Interrupt) -> int:
+def _run(
+    config: ExperimentConfig, study: Study, scenarios: Mapping[str, Scenario], texts: Mapping[str, str],
+    interrupt: Interrupt,
+) -> int:  # fmt: skip
     folder = config.output
-    (folder / "runs").mkdir(parents=True, exist_ok=True)
-    _check_same(folder / "study.json", {"scenarios": scenarios, "program": study.program})
-    paths = {run: folder / "runs" / f"{run.name}.json" for run in study.all_runs()}
-    rows = {run: json.loads(path.read_text()) for run, path in paths.items() if path.is_file()}
-    missing = [run for run in paths if run not in rows]
-    if rows:
-        print(f"{len(rows)} of {len(rows) + len(missing)} runs exist in {folder / 'runs'}", flush=True)
-    failures = _do(config, study, scenarios, missing, rows, interrupt) if missing else []
-    for line in failures:
-        print(f"not done: {line}")
-    if rows:
-        write_report(study, [rows[run] for run in sorted(rows)], folder)
-        print(f"Written: runs.csv, summary.json and report.html in {folder}")
-    return 1 if failures else 0
+    try:
+        lock = FolderLock(folder)
+    except FolderInUseError as error:
+        raise OptionError(f"--output: {error}") from None
+    with lock:
+        (folder / "runs").mkdir(exist_ok=True)
+        _check_same(folder / "study.json", texts, study.program, digests(scenarios.values()))
+        paths = {run: folder / "runs" / f"{run.name}.json" for run in study.all_runs()}
+        rows = {run: json.loads(path.read_text()) for run, path in paths.items() if path.is_file()}
+        missing = [run for run in paths if run not in rows]
+        if rows:
+            print(f"{len(rows)} of {len(rows) + len(missing)} runs exist in {folder / 'runs'}", flush=True)
+        failures = _do(config, study, texts, missing, rows, interrupt) if missing else []
+        for line in failures:
+            print(f"not done: {line}")
+        if rows:
+            write_report(study, [rows[run] for run in sorted(rows)], folder)
+            print(f"Written: runs.csv, summary.json and report.html in {folder}")
+        return 1 if failures else 0
 
 
 def _do(
-    config: ExperimentConfig, study: Study, scenarios: Mapping[str, str], missing: Sequence[Run],
+    config: ExperimentConfig, study: Study, texts: Mapping[str, str], missing: Sequence[Run],
     rows: dict[Run, dict[str, Any]], interrupt: Interrupt,
 ) -> list[str]:  # fmt: skip
     """Executes the missing runs, adds their rows to ``rows`` and the folder; returns the reasons of failed runs."""
-    folder, began, shown = config.output, time.monotonic(), 0.0
-    failures, done = list[str](), 0
-    with Cluster(config.scheduler, config.jobs) as cluster:
+    folder = config.output
+    failures: list[str] = []
+    done = 0
+    shown = 0.0
+    program = shlex.split(study.program)
+    keep = {run: str(folder.resolve() / "reports" / run.name) if config.keep else "" for run in missing}
+    with (
+        tempfile.TemporaryDirectory(prefix="scratch-", dir=folder, ignore_cleanup_errors=True) as scratch,
+        Cluster(config.scheduler, config.jobs, Path(scratch), interrupt) as cluster,
+    ):
         print(f"{len(missing)} runs, {cluster.workers} at a time", flush=True)
-        keep = {run: str(folder.resolve() / "reports" / run.name) if config.keep else "" for run in missing}
-        program = shlex.split(study.program)
-        for result in cluster.results(program, {run: scenarios[run.variant] for run in missing}, keep, _POLL):
+        for result in cluster.results(program, {run: texts[run.variant] for run in missing}, keep, _POLL):
             interrupt.check()
             if result is not None:
                 run, row = result
@@ -123,17 +152,29 @@ def _do(
                     _write(folder / "runs" / f"{run.name}.json", row)
             if (result is not None or time.monotonic() - shown > _SHOW) and done:
                 shown = time.monotonic()
-                left = (shown - began) / done * (len(missing) - done)
-                print(f"{done} of {len(missing)} runs; about {left / 60:.0f} min left", flush=True)
+                walls = [row["wall_seconds"] for row in rows.values()]
+                left = time_left(walls, len(missing) - done, cluster.workers)
+                print(f"{done} of {len(missing)} runs; {left}", flush=True)
     return failures
 
 
-def _check_same(path: Path, content: Mapping[str, Any]) -> None:
-    """Records the study's content in the folder; raises `OptionError` if the folder holds runs of another study."""
+def _check_same(path: Path, texts: Mapping[str, str], program: str, files: Mapping[str, str]) -> None:
+    """Records the study's content in the folder.
+
+    Raises:
+        OptionError: the folder has runs of another study, or of files that have changed.
+    """
+    content = {"scenarios": dict(texts), "program": program, "files": dict(files)}
     if not path.is_file():
         _write(path, content)
-    elif json.loads(path.read_text()) != content:
+        return
+    known = json.loads(path.read_text())
+    if known == content:
+        return
+    if {**known, "files": files} != content:
         raise OptionError(f"the runs in {path.parent} are of another scenario or other variants: give another --output")
+    changed = sorted(name for name in {*files, *known["files"]} if files.get(name) != known["files"].get(name))
+    raise OptionError(f"{changed[0]} has changed since the runs in {path.parent}: restore it, or give another --output")
 
 
 def _write(path: Path, content: Mapping[str, Any]) -> None:
