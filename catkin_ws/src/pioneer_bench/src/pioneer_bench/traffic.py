@@ -99,7 +99,7 @@ def _world(name: str) -> tuple[FreeSpace, Roadmap]:
         space = narrow_space(name)
     else:
         grid = read_map(Path(rospkg.RosPack().get_path("pioneer_gazebo")) / "map" / f"{name}.yaml")
-        space = FreeSpace.of(grid.cells == 0, grid.resolution, (grid.origin.x, grid.origin.y))
+        space = FreeSpace.of_grid(grid)
     return space, roadmap_from_space(space)
 
 

@@ -1,5 +1,6 @@
 """Conversions between messages and the coordinators' reports."""
 
+import math
 from typing import Any
 
 from geometry_msgs.msg import Point
@@ -34,11 +35,14 @@ def message_from_report(report: Report, stamp: Any) -> ReportMessage:
     )
 
 
-def report_from_message(message: ReportMessage, places: int) -> Report | None:
-    """Returns the report of a message; None if a stop, goal or path is outside a roadmap of ``places``."""
-    stops = [*message.held[-1:], *(place for path in message.plan.paths for place in path.places)]
-    are_known = all(-1 <= place < places for place in (*stops, message.goal))
-    if not (are_known and all(path.held for path in message.plan.paths)):
+def report_from_message(message: ReportMessage, roadmap: int, places: int) -> Report | None:
+    """Returns the report of a message; None if its position or one of its places cannot be.
+
+    The places of a robot with another roadmap than this one, of so many ``places``, are not looked at.
+    """
+    if not (math.isfinite(message.position.x) and math.isfinite(message.position.y)):
+        return None
+    if message.roadmap == roadmap and not _has_known_places(message, places):
         return None
     return Report(
         robot=message.robot,
@@ -55,6 +59,12 @@ def report_from_message(message: ReportMessage, places: int) -> Report | None:
         heard=tuple(message.heard),
         plan=_plan_from_message(message.plan) if message.plan.number else None,
     )
+
+
+def _has_known_places(message: ReportMessage, places: int) -> bool:
+    stops = [*message.held[-1:], *(place for path in message.plan.paths for place in path.places)]
+    are_known = all(-1 <= place < places for place in (*stops, message.goal))
+    return are_known and all(path.held for path in message.plan.paths)
 
 
 def _message_from_plan(plan: Plan) -> PlanMessage:

@@ -151,7 +151,8 @@ def test_who_comes_back_hears_all_others_before_it_makes_a_plan() -> None:
             now = begin + 0.2 * tick
             for name in names:
                 place = {"b": 3, "c": 6}[name]
-                one.receive(Report(name, ROW.signature, ROW.places[place], held=(place,), heard=("a",)), now)
+                heard = tuple({"a", *names} - {name})
+                one.receive(Report(name, ROW.signature, ROW.places[place], held=(place,), heard=heard), now)
             report = one.advance(ROW.places[0], now)
         return frozenset(report.plan.paths if report.plan else ())
 
@@ -243,6 +244,51 @@ def test_robots_with_another_roadmap_take_no_part() -> None:
         report = one.advance(BAY.places[0], 0.2 * tick)
     assert report.plan is not None
     assert set(report.plan.paths) == {"b"}
+
+
+def test_a_robot_silent_for_minutes_is_forgotten() -> None:
+    """A robot that was removed used to block its place for ever."""
+    one = Coordinator("a", ROW)
+    one.receive(Report("b", ROW.signature, ROW.places[3], held=(3,), heard=("a",)), 0.0)
+    one.set_waypoint(ROW.places[6], 0.0)
+
+    def path_at(begin: float) -> tuple[int, ...]:
+        for tick in range(30):
+            report = one.advance(ROW.places[0], begin + 0.2 * tick)
+        return report.plan.paths["a"] if report.plan else ()
+
+    assert 3 not in path_at(20.0)
+    assert path_at(301.0)[-1] == 6
+
+
+def test_plans_continue_after_the_clock_jumped_back() -> None:
+    """In lockstep a new plan used to come only once the clock had passed the time before the jump."""
+    one = Coordinator("a", ROW)
+
+    def plan_at(begin: float, goal: int) -> tuple[int, ...]:
+        one.set_waypoint(ROW.places[goal], begin)
+        for tick in range(20):
+            now = begin + 0.2 * tick
+            one.receive(Report("b", ROW.signature, ROW.places[6], (6,), heard=("a",), ready=one.report.ready), now)
+            report = one.advance(ROW.places[0], now)
+        return report.plan.paths["a"] if report.plan else ()
+
+    assert plan_at(1000.0, 2)[-1] == 2
+    assert plan_at(3.0, 4)[-1] == 4
+
+
+def test_a_robot_that_does_not_hear_this_one_is_driven_around() -> None:
+    """The robot that heard the other used to wait for it for ever."""
+    one = Coordinator("a", ROOMS)
+    one.set_waypoint(ROOMS.places[2], 0.0)
+    for tick in range(40):
+        now = 0.2 * tick
+        one.receive(Report("b", ROOMS.signature, ROOMS.places[1], held=(1,), heard=("c",)), now)
+        report = one.advance(ROOMS.places[0], now)
+    assert report.plan is not None
+    assert report.plan.paths.keys() == {"a"}
+    assert report.adopted == report.plan.id
+    assert 1 not in report.plan.paths["a"]
 
 
 @pytest.mark.parametrize("waypoint", [(50.0, 50.0), (-9.0, 0.0)])

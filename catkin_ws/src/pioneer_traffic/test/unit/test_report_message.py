@@ -1,5 +1,7 @@
 """Reports survive the conversion to and from messages; messages that fit no roadmap are refused."""
 
+import math
+
 import genpy
 import pytest
 
@@ -14,15 +16,28 @@ REPORT = Report("a", 77, (1.0, -2.0), (1, 5), 5, 12.5, (7,), True, PLAN.id, 1, P
 
 @pytest.mark.parametrize("report", [REPORT, Report("b", 77, (0.0, 0.0))], ids=["full", "empty"])
 def test_a_report_comes_back_as_it_was(report: Report) -> None:
-    assert report_from_message(message_from_report(report, genpy.Time(3)), 10) == report
+    assert report_from_message(message_from_report(report, genpy.Time(3)), 77, 10) == report
 
 
 @pytest.mark.parametrize("places", [5, 4])
 def test_a_report_of_places_that_do_not_exist_is_refused(places: int) -> None:
-    assert report_from_message(message_from_report(REPORT, genpy.Time(3)), places) is None
+    assert report_from_message(message_from_report(REPORT, genpy.Time(3)), 77, places) is None
 
 
 def test_a_plan_with_a_robot_that_holds_nothing_is_refused() -> None:
     message = message_from_report(REPORT, genpy.Time(3))
     message.plan.paths[0].held = ()
-    assert report_from_message(message, 10) is None
+    assert report_from_message(message, 77, 10) is None
+
+
+def test_a_report_of_another_larger_roadmap_is_taken() -> None:
+    """It used to be dropped, so that its robot was not driven around."""
+    report = report_from_message(message_from_report(REPORT, genpy.Time(3)), 78, 2)
+    assert report is not None
+    assert report.position == REPORT.position
+
+
+def test_a_report_without_a_position_is_refused() -> None:
+    message = message_from_report(REPORT, genpy.Time(3))
+    message.position.x = math.nan
+    assert report_from_message(message, 77, 10) is None

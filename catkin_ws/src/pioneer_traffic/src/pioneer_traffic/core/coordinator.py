@@ -17,7 +17,7 @@ from dataclasses import replace
 
 from pioneer_traffic.core.config import CoordinatorConfig
 from pioneer_traffic.core.geometry import Point, distance_to_segment
-from pioneer_traffic.core.neighbours import Neighbours, comes_by, ground_wanted, is_ready
+from pioneer_traffic.core.neighbours import Neighbours, comes_by, ground_wanted, hear_each_other, is_ready
 from pioneer_traffic.core.planning import planned
 from pioneer_traffic.core.report import Plan, PlanId, Report
 from pioneer_traffic.core.roadmap import Roadmap
@@ -87,13 +87,13 @@ class Coordinator:
         return f"no way leads past {', '.join(aside)}" if aside else "the right of way found no way to the goal"
 
     def set_waypoint(self, waypoint: Point | None, now: float) -> bool:
-        """Sets the waypoint, None for none; returns False if no place of the roadmap is near enough."""
+        """Sets the waypoint, None for none; returns False if it is in a wall, or no place of the roadmap is near."""
         self._waypoint, self.finished = None, False
         self._own = replace(self._own, goal=-1, region=())
         if waypoint is None:
             return True
         goal = next(self._roadmap.entries(waypoint), None)
-        if goal is None:
+        if goal is None or not self._roadmap.is_free(waypoint):
             return False
         region: frozenset[int] = frozenset()
         if math.dist(self._roadmap.places[goal], waypoint) > 0.5 * self._config.reach:
@@ -284,11 +284,11 @@ class Coordinator:
         self._own = replace(self._own, plan=plan)
 
     def _partners(self, fresh: dict[str, Report]) -> list[Report]:
-        """Returns the reports of the robots to plan for; of several that claim one place, only one."""
+        """Returns the reports of the robots to plan for; they hear one another, and no two claim one place."""
         found, claimed = list[Report](), set[int]()
         everyone = [self._own, *fresh.values()]
         for report in sorted(everyone, key=lambda report: (report.adopted == PlanId(), report.robot)):
-            if report.held and not claimed & set(report.held):
+            if report.held and not claimed & set(report.held) and all(hear_each_other(report, one) for one in found):
                 found.append(report)
                 claimed.update(report.held)
         return sorted(found, key=lambda report: report.robot)

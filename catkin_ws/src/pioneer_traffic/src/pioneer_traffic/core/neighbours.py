@@ -81,6 +81,11 @@ class Neighbours:
         return here
 
 
+def hear_each_other(report: Report, other: Report) -> bool:
+    """Returns whether two robots receive each other's reports: a link may work in one direction only."""
+    return report.robot in other.heard and other.robot in report.heard
+
+
 def ground_wanted(report: Report) -> tuple[int, ...]:
     """Returns the places that a robot off the roadmap uses, or that it waits for at its goal."""
     if report.out:

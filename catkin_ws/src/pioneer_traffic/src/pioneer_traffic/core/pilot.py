@@ -179,7 +179,7 @@ class Pilot:
             return True
         if self._coordinator.set_waypoint(goal.point, min(goal.since, inputs.stamp)):
             return True
-        self._abort(f"no place of the roadmap is near ({goal.point[0]:.2f}, {goal.point[1]:.2f})")
+        self._abort(f"({goal.point[0]:.2f}, {goal.point[1]:.2f}) is in a wall, or no place of the roadmap is near")
         return False
 
     def _use_roadmap(self, roadmap: Roadmap, inputs: Inputs) -> None:

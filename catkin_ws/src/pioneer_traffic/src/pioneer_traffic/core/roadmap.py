@@ -10,12 +10,14 @@ import zlib
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from nav_bundle.core.grid import FREE, Grid
 from pioneer_traffic.core.geometry import Point, distance_between_segments, distance_to_segment
 
 _STEP = 0.05
@@ -24,6 +26,10 @@ _PATCH, _PATCHES = 0.25, 20_000
 """Side of a ground patch [m], and the number of patches along x and y after which their numbers repeat."""
 _DETOUR = 5
 """A tight way is not added if so few other ways already join its ends."""
+_FREE_UP_TO = 25
+"""Occupancy up to which a cell is free: map_saver's ``free`` [%]."""
+_INSIDE_WALL = 0.3
+"""Depth inside a wall at which a robot may still be, because localisation and map are not exact [m]."""
 _HALF_CELL = 0.7
 """Distance from a cell's centre to the wall that it represents [cells]."""
 
@@ -44,34 +50,74 @@ class RoadmapConfig:
 
 @dataclass(frozen=True, eq=False)
 class FreeSpace:
-    """Distance to the nearest wall [m], shape (rows, cols), row 0 at the bottom; ``corner`` of cell (0, 0) [m]."""
+    """Distance to the nearest wall [m], shape (rows, cols), row 0 at the bottom; ``corner`` of cell (0, 0) [m].
+
+    ``yaw`` is the direction of the rows in map [rad].
+    """
 
     room: NDArray[np.float32]
     resolution: float
     corner: Point
+    yaw: float = 0.0
 
     @classmethod
-    def of(cls, free: NDArray[np.bool_], resolution: float, corner: Point) -> "FreeSpace":
+    def of(cls, free: NDArray[np.bool_], resolution: float, corner: Point, yaw: float = 0.0) -> "FreeSpace":
         """Returns the free space of a map; everything outside counts as wall."""
         padded = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
-        return cls((np.maximum(padded - _HALF_CELL, 0.0) * resolution).astype(np.float32), resolution, corner)
+        room = (np.maximum(padded - _HALF_CELL, 0.0) * resolution).astype(np.float32)
+        return cls(room, resolution, corner, yaw)
+
+    @classmethod
+    def of_grid(cls, grid: Grid) -> "FreeSpace":
+        """Returns the free space of a map: the cells that map_saver would write as free."""
+        free = (grid.cells >= FREE) & (grid.cells <= _FREE_UP_TO)
+        return cls.of(free, grid.resolution, (grid.origin.x, grid.origin.y), grid.origin.yaw)
+
+    def _turned(self, points: NDArray[np.float64], yaw: float) -> NDArray[np.float64]:
+        """Returns points, shape (n, 2), turned by ``yaw`` [rad]; exactly the same ones for 0."""
+        if yaw == 0.0:
+            return points
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        return points @ np.array([[cos, sin], [-sin, cos]])
+
+    def centres(self, rows: NDArray[np.int64], cols: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Returns the centres of cells in map, shape (n, 2)."""
+        along = np.stack([cols + 0.5, rows + 0.5], axis=1) * self.resolution
+        return self._turned(along, self.yaw) + self.corner
 
     def room_at(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
         """Returns the distances from points to the nearest wall, shape (n, 2) -> (n,); 0 outside the map."""
-        cells = np.floor((points - self.corner) / self.resolution).astype(int)
+        along = self._turned(points - self.corner, -self.yaw)
+        cells = np.floor(along / self.resolution).astype(int)
         inside = ((cells >= 0) & (cells < self.room.shape[::-1])).all(axis=1)
         cells[~inside] = 0
         return np.where(inside, self.room[cells[:, 1], cells[:, 0]], np.float32(0.0))
 
     def sees(self, start: Point, end: Point, radius: float) -> bool:
         """Returns whether a disc of ``radius`` [m] can move straight from one point to the other."""
+        return bool((self._room_along(start, end) >= radius).all())
+
+    def sees_from_wall(self, start: Point, end: Point, radius: float) -> bool:
+        """Returns the same for a disc that starts nearer to a wall than its radius, or a bit inside it.
+
+        It may move away from the wall, not through it.
+        """
+        room = self._room_along(start, end)
+        if room[0] > 0.0:
+            return bool((room >= min(radius, float(room[0]))).all())
+        outside = np.flatnonzero(room > 0.0)
+        if not len(outside) or outside[0] * _STEP > _INSIDE_WALL:
+            return False
+        return bool((room[outside[0] :] > 0.0).all())
+
+    def _room_along(self, start: Point, end: Point) -> NDArray[np.float32]:
         steps = max(2, math.ceil(math.dist(start, end) / _STEP))
-        return bool((self.room_at(np.linspace(start, end, steps)) >= radius).all())
+        return self.room_at(np.linspace(start, end, steps))
 
     def middles(self, radius: float) -> NDArray[np.float64]:
         """Returns the centres of the cells at least ``radius`` [m] from any wall, shape (n, 2)."""
         rows, cols = np.nonzero(self.room >= radius)
-        return np.stack([cols + 0.5, rows + 0.5], axis=1) * self.resolution + self.corner
+        return self.centres(rows, cols)
 
 
 @dataclass
@@ -83,7 +129,7 @@ class Roadmap:
     config: RoadmapConfig = field(default_factory=RoadmapConfig)
     space: FreeSpace | None = None
 
-    @property
+    @cached_property
     def signature(self) -> int:
         """A checksum: equal on all computers with the same map and parameters."""
         rounded = [(round(x, 3), round(y, 3)) for x, y in self.places]
@@ -146,6 +192,10 @@ class Roadmap:
                 least = min(least, distance_to_segment(point, self.places[place], self.places[following]))
         return least
 
+    def is_free(self, point: Point) -> bool:
+        """Returns whether a point is not in a wall, nor outside the map."""
+        return self.space is None or bool(self.space.room_at(np.array([point]))[0] > 0.0)
+
     def entries(self, point: Point) -> Iterator[int]:
         """Yields the places that a robot at ``point`` can reach in a straight line, the nearest first."""
         order = sorted((math.dist(at, point), place) for place, at in enumerate(self.places))
@@ -159,8 +209,7 @@ class Roadmap:
         """Returns whether the way is free; a robot nearer to a wall than allowed may still move away from it."""
         if self.space is None:
             return True
-        radius = min(self.config.passing_radius, float(self.space.room_at(np.array([start]))[0]))
-        return self.space.sees(start, end, radius)
+        return self.space.sees_from_wall(start, end, self.config.passing_radius)
 
 
 def roadmap_from_space(space: FreeSpace, config: RoadmapConfig | None = None) -> Roadmap:
@@ -192,8 +241,8 @@ class _Growth:
         if not middles.any():
             return
         row, col = np.unravel_index(int(np.argmin(np.where(middles, room, np.inf))), room.shape)
-        resolution, (left, low) = self._space.resolution, self._space.corner
-        self._add((left + (float(col) + 0.5) * resolution, low + (float(row) + 0.5) * resolution))
+        (first,) = self._space.centres(np.array([row]), np.array([col])).tolist()
+        self._add((first[0], first[1]))
         # First the lattice where there is ample room, then the remaining space, finally places behind narrow passages.
         config = self._config
         tiers = (

@@ -14,7 +14,7 @@ from nav_msgs.msg import OccupancyGrid
 
 from nav_bundle.adapters.transform_store import FUTURE_LIMIT
 from nav_bundle.conversions import GridMessage, grid_from_message, stamped_from_pose
-from nav_bundle.core.grid import FREE
+from nav_bundle.core.error import NavigationError
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.transform import TransformError
 from nav_bundle.nodes.transform import TransformListener, robot_frame
@@ -146,9 +146,12 @@ class CoordinatorNode:
 
     def _on_map(self, message: OccupancyGrid) -> None:
         """Computes the roadmap here: in the loop, it would delay stops."""
-        grid = grid_from_message(message)
-        space = FreeSpace.of(grid.cells == FREE, grid.resolution, (grid.origin.x, grid.origin.y))
-        self._events.put(NewRoadmap(roadmap_from_space(space)))
+        try:
+            grid = grid_from_message(message)
+        except NavigationError as error:
+            rospy.logerr("the map is not used: %s", error)
+            return
+        self._events.put(NewRoadmap(roadmap_from_space(FreeSpace.of_grid(grid))))
 
     def spin(self) -> None:
         """Runs at a fixed wall-time period, and as soon as a goal or a stop arrives, until shutdown."""
@@ -223,8 +226,9 @@ class CoordinatorNode:
         return [NewGoal((target.pose.position.x, target.pose.position.y))]
 
     def _heard(self, message: ReportMessage) -> list[Event]:
-        places = len(self._roadmap.places) if self._roadmap is not None else 0
-        report = report_from_message(message, places)
+        if self._roadmap is None:
+            return []
+        report = report_from_message(message, self._roadmap.signature, len(self._roadmap.places))
         if report is None:
             return []
         self._reporting.add(report.robot)
