@@ -79,7 +79,7 @@ def test_it_backs_off_by_a_third_of_a_metre_and_then_recovers():
     recovery = BackUp(ClearCostmapRecovery("reset", ClearConfig()))
     recovery.start()
     x = 0.0
-    while velocity := recovery.step(Surroundings(costmap, Pose(x), costmap, Pose(x))):
+    while velocity := recovery.step(Surroundings(costmap, Pose(x), costmap, Pose(x), 0.0)):
         assert velocity.x < 0.0
         x += velocity.x * 0.05
     assert x == pytest.approx(-0.3, abs=0.02)

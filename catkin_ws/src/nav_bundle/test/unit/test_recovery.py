@@ -10,7 +10,14 @@ from nav_bundle.core.costmap.cost import LETHAL
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.layer import Observation
 from nav_bundle.core.pose import Pose
-from nav_bundle.core.recovery import ClearConfig, ClearCostmapRecovery, RotateConfig, RotateRecovery, Surroundings
+from nav_bundle.core.recovery import (
+    BackUp,
+    ClearConfig,
+    ClearCostmapRecovery,
+    RotateConfig,
+    RotateRecovery,
+    Surroundings,
+)
 
 PARAMETERS = {
     "rolling_window": True,
@@ -30,8 +37,8 @@ def costmap_with(*points):
     return costmap
 
 
-def around(costmap, pose=None):
-    return Surroundings(costmap, pose or Pose(), costmap, pose or Pose())
+def around(costmap, pose=None, now=0.0):
+    return Surroundings(costmap, pose or Pose(), costmap, pose or Pose(), now)
 
 
 def test_clearing_forgets_what_lies_beyond_half_the_reset_distance():
@@ -70,3 +77,34 @@ def test_the_turn_ends_in_front_of_an_obstacle():
     recovery.start()
     assert recovery.step(around(costmap_with((0.0, 0.3)))) is None
     assert "collision" in recovery.complaint
+
+
+BEHAVIOURS = {
+    "clear": lambda: ClearCostmapRecovery("reset", ClearConfig()),
+    "rotate": lambda: RotateRecovery("rotate", RotateConfig()),
+    "rotate slowly": lambda: RotateRecovery("rotate", RotateConfig(min_in_place_rotational_vel=0.0)),
+    "back up": lambda: BackUp(RotateRecovery("rotate", RotateConfig())),
+}
+
+
+@pytest.mark.parametrize("kind", BEHAVIOURS)
+def test_every_recovery_ends_although_the_robot_does_not_move_and_says_so(kind):
+    costmap, recovery = costmap_with(), BEHAVIOURS[kind]()
+    for _ in range(2):
+        recovery.start()
+        now = 100.0
+        while recovery.step(around(costmap, now=now)) is not None:
+            now += 0.05
+            assert now < 400.0
+        assert kind == "clear" or "has not" in recovery.complaint
+
+
+def test_a_robot_that_backs_up_as_commanded_is_not_reported():
+    costmap, recovery = costmap_with(), BackUp(ClearCostmapRecovery("reset", ClearConfig()))
+    recovery.start()
+    now, x = 0.0, 0.0
+    while (velocity := recovery.step(around(costmap, Pose(x), now))) is not None:
+        now += 0.05
+        x += velocity.x * 0.05
+    assert -0.4 < x < -0.3
+    assert recovery.complaint == ""

@@ -158,7 +158,7 @@ class Navigator:
         if self._recovery is not None:
             assert sight.pose is not None
             assert sight.local_pose is not None
-            around = Surroundings(self._global, sight.pose, self._local, sight.local_pose)
+            around = Surroundings(self._global, sight.pose, self._local, sight.local_pose, now)
             velocity = self._recovery.step(around)
             if velocity is None:
                 self._end_recovery(result)
@@ -211,6 +211,9 @@ class Navigator:
             self._pushing.reset()
         if self._state.phase is not Phase.CLEARING:
             self._recovery = None
+        if inputs.new_goal:
+            # Nothing that the local planner remembers of the last goal applies to this one, even at the same place.
+            self._controller = self._setup.make_local_planner()
         return result
 
     def _handle(self, event: Event, pose: Pose | None, result: Cycle) -> None:

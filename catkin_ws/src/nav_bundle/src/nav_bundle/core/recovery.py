@@ -12,20 +12,47 @@ from pioneer_node.core.parameter import ParameterError, config_from_mapping, nam
 
 _BACK, _LOOK_BACK, _BACKWARDS = 0.3, 0.1, -0.15
 """Distance that a pushing robot backs up [m], look-behind distance for obstacles [m], and velocity [m/s]."""
+_SLOWEST_ROTATION = 0.1
+"""Rotational speed [rad/s] that bounds a rotation if the parameters allow slower ones."""
+_ALLOWANCE = 3.0
+"""A movement may take this many times as long as at its commanded speed; a robot whose motors are off never ends it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Input of a recovery behaviour: both costmaps, and the robot's pose in the frame of each."""
+    """Input of a recovery behaviour: both costmaps, the robot's pose in the frame of each, and the ROS time [s]."""
 
     global_costmap: Costmap
     global_pose: Pose
     local_costmap: Costmap
     local_pose: Pose
+    now: float
+
+
+class Movement:
+    """Bounds a movement in time.
+
+    Args:
+        duration: how long it takes at its commanded speed [s].
+    """
+
+    def __init__(self, duration: float) -> None:
+        self.limit = _ALLOWANCE * duration  #: maximum duration [s]
+        self._begun: float | None = None
+
+    def start(self) -> None:
+        """Restarts the movement; it begins at the next check."""
+        self._begun = None
+
+    def is_overdue(self, now: float) -> bool:
+        """Returns whether the movement has taken too long at ROS time ``now`` [s]."""
+        if self._begun is None:
+            self._begun = now
+        return now - self._begun > self.limit
 
 
 class Recovery(Protocol):
-    """One recovery behaviour, executed in steps.
+    """One recovery behaviour, executed in steps. It ends in bounded time, whatever the robot does.
 
     ``name`` is its parameter namespace; ``complaint`` is the reason if it ended early, else empty.
     """
@@ -103,10 +130,16 @@ class RotateRecovery:
         self._config = config
         self._begun: float | None = None
         self._half_way = False
+        # A rotation may be slow all the way, and as slow as the local planner turns.
+        slowest = min(config.min_in_place_rotational_vel, config.max_rotational_vel)
+        self._movement = Movement(math.tau / max(slowest, _SLOWEST_ROTATION))
 
     def start(self) -> None:
         """Restarts the rotation; the next step sets its start heading."""
-        self.complaint, self._begun, self._half_way = "", None, False
+        self.complaint = ""
+        self._begun = None
+        self._half_way = False
+        self._movement.start()
 
     def step(self, around: Surroundings) -> Velocity | None:
         """Returns the turning velocity; None after the full rotation or if an obstacle blocks it."""
@@ -115,6 +148,9 @@ class RotateRecovery:
             self._begun = yaw
         left = self._left(yaw)
         if self._half_way and left < self._config.yaw_goal_tolerance:
+            return None
+        if self._movement.is_overdue(around.now):
+            self.complaint = f"Rotate recovery ended: the robot has not turned round in {self._movement.limit:.0f} s."
             return None
         if not self._is_free(around, left):
             self.complaint = "Rotate recovery can't rotate in place because there is a potential collision."
@@ -149,10 +185,15 @@ class BackUp:
         self.name, self.complaint = following.name, ""
         self._from: Pose | None = None
         self._away = False
+        self._movement = Movement(_BACK / -_BACKWARDS)
+        self._failure = ""
 
     def start(self) -> None:
         """Restarts the behaviour; the next step sets its start pose."""
-        self._from, self._away = None, False
+        self._from = None
+        self._away = False
+        self._failure = ""
+        self._movement.start()
         self._following.start()
 
     def step(self, around: Surroundings) -> Velocity | None:
@@ -161,10 +202,13 @@ class BackUp:
         self._from = self._from or pose
         behind = Pose(*pose.apply(-_LOOK_BACK, 0.0), pose.yaw)
         self._away = self._away or pose.distance(self._from) > _BACK or around.local_costmap.footprint_cost(behind) < 0
+        if not self._away and self._movement.is_overdue(around.now):
+            self._away = True
+            self._failure = f"The robot has not backed up in {self._movement.limit:.0f} s."
         if not self._away:
             return Velocity(_BACKWARDS)
         velocity = self._following.step(around)
-        self.complaint = self._following.complaint
+        self.complaint = " ".join(text for text in (self._failure, self._following.complaint) if text)
         return velocity
 
 
