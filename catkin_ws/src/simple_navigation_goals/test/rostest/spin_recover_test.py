@@ -11,6 +11,7 @@ import rostest
 from actionlib_msgs.msg import GoalStatus, GoalStatusArray
 from geometry_msgs.msg import Twist, Vector3
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
 
 from pioneer_harness.wait import wait_until
 
@@ -26,8 +27,9 @@ class SpinRecoverTest(unittest.TestCase):
         cls.clock = rospy.Publisher("/clock", Clock, queue_size=10)
         cls.status = rospy.Publisher("move_base/status", GoalStatusArray, queue_size=10)
         cls.commands = rospy.Publisher("cmd_vel", Twist, queue_size=10)
+        cls.stop = rospy.Publisher("move_base/safety_stop", String, queue_size=10)
         cls.own = rospy.Subscriber("cmd_vel", Twist, cls.on_command)
-        topics = (cls.status, cls.commands)
+        topics = (cls.status, cls.commands, cls.stop)
         wait_until(lambda: all(topic.impl.has_connection(NODE) for topic in topics), "the node to listen", TIMEOUT)
         wait_until(lambda: cls.clock.impl.has_connection(NODE), "the node to hear the clock", TIMEOUT)
         wait_until(lambda: any(link.callerid_pub == NODE for link in cls.own.impl.connections), "its topic", TIMEOUT)
@@ -108,6 +110,19 @@ class SpinRecoverTest(unittest.TestCase):
 
         wait_until(stopped, "the stop", TIMEOUT)
         assert self.time - start >= 1.2
+
+    def test_a_safety_stop_of_move_base_stops_the_turn_and_begins_none(self) -> None:
+        self.say(active=True)
+        self.stand_until_it_turns()
+        topic = "/pioneer1/move_base/safety_stop"
+        self.addCleanup(self.tell, topic, lambda: self.stop.publish(""))
+        self.tell(topic, lambda: self.stop.publish("no scans"))
+        wait_until(lambda: self.turns[-1] == 0.0, "the stop", TIMEOUT)
+        self.turns.clear()
+        for _ in range(40):
+            self.pass_time(0.2)
+            self.say(active=True)
+        assert not any(self.turns)
 
     def test_a_goal_that_ends_stops_the_turn(self) -> None:
         self.say(active=True)

@@ -1,6 +1,6 @@
 """A robot that stands still with a goal is turned after 5 s, for 1.5 s, in the direction last commanded."""
 
-from simple_navigation_goals.core.spin import SpinState, commanded, watched
+from simple_navigation_goals.core.spin import SpinState, blinded, commanded, watched
 
 MAX_VEL_THETA = 1.0
 Command = tuple[float, float] | None
@@ -64,3 +64,17 @@ def test_time_that_jumps_back_starts_the_wait_over() -> None:
     state = run(4.8)
     state = watched(state, True, 0.1)
     assert not run(4.8, state=state).turning
+
+
+def test_a_robot_that_its_safety_stop_holds_is_not_turned() -> None:
+    blind = blinded(SpinState(), True, 0.0)
+    assert not run(20.0, (0.0, 0.0), state=blind).turning
+
+
+def test_a_safety_stop_ends_a_turn_at_once_and_the_wait_starts_over_after_it() -> None:
+    turning = run(5.4)
+    blind = blinded(turning, True, turning.now + 0.1)
+    assert not blind.turning
+    sighted = blinded(run(3.0, state=blind), False, blind.now + 3.1)
+    assert not run(4.6, state=sighted).turning
+    assert run(5.6, state=sighted).turning

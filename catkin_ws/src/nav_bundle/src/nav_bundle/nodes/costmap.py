@@ -171,17 +171,17 @@ class CostmapNode:
             rospy.logdebug("%s: %s", self.name, error)
             return None
 
-    def is_current(self, now: float) -> bool:
-        """Returns whether each source is used within its ``expected_update_rate``; warns of those that are not."""
-        current = True
+    def fault(self, now: float) -> str:
+        """Returns why the costmap is not current, and warns of it; empty if every source is used in time."""
+        first = ""
         for source in self._sources:
             fault = self._fault(source, now)
             if fault:
-                current = False
                 source.scans.overdue.warn(fault)
+                first = first or fault
             else:
                 source.scans.overdue.end()
-        return current
+        return first
 
     def _fault(self, source: "_Input", now: float) -> str:
         """Returns why a source is not current; empty if it is."""

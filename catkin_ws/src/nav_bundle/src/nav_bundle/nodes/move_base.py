@@ -11,7 +11,7 @@ from nav_msgs.msg import OccupancyGrid, Odometry
 from nav_msgs.msg import Path as PathType
 from nav_msgs.srv import GetPlanRequest
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
 
 from nav_bundle.conversions import (
@@ -23,7 +23,6 @@ from nav_bundle.conversions import (
     stamped_from_pose,
     velocity_from_odometry,
 )
-from nav_bundle.core.costmap.source import Arrival
 from nav_bundle.core.error import MessageError
 from nav_bundle.core.global_planner import visible_potential
 from nav_bundle.core.local_planner import Velocity
@@ -79,6 +78,26 @@ def _outline_parameters() -> dict[str, Any]:
     return found
 
 
+class _Reason:
+    """A latched topic that holds a reason; empty for none."""
+
+    def __init__(self, topic: str) -> None:
+        self._publisher = rospy.Publisher(topic, String, queue_size=1, latch=True)
+        self._reason = ""
+        self._published = -np.inf
+        self._publisher.publish("")
+
+    def publish(self, reason: str, now: float) -> None:
+        """Publishes a reason that begins or ends at once; one that only changes, as figures do, after a while."""
+        if reason == self._reason:
+            return
+        if reason and self._reason and 0.0 <= now - self._published < _COMPLAIN_EVERY:
+            return
+        self._reason = reason
+        self._published = now
+        self._publisher.publish(reason)
+
+
 class MoveBaseNode:
     """Drives the robot to goals.
 
@@ -87,9 +106,10 @@ class MoveBaseNode:
 
     Publishes: ``cmd_vel`` (geometry_msgs/Twist), ``~<global planner>/plan``, ``~<local planner>/global_plan``,
         ``~<local planner>/local_plan`` (nav_msgs/Path), ``~<local planner>/cost_cloud`` (sensor_msgs/PointCloud2, with
-        ``publish_cost_grid_pc``), ``~recovery_status`` (move_base_msgs/RecoveryStatus), and the topics of costmaps
-        and action. The global planner is NavfnROS or GlobalPlanner (which also publishes its ``potential``), the
-        local planner TrajectoryPlannerROS or DWAPlannerROS.
+        ``publish_cost_grid_pc``), ``~recovery_status`` (move_base_msgs/RecoveryStatus),
+        ``~safety_stop`` (std_msgs/String, latched: why an input does not allow driving; else empty), and the topics of
+        costmaps and action. The global planner is NavfnROS or GlobalPlanner (which also publishes its ``potential``),
+        the local planner TrajectoryPlannerROS or DWAPlannerROS.
 
     Services: ``~make_plan`` (nav_msgs/GetPlan), ``~<global planner>/make_plan`` (also while the robot drives),
         ``~clear_costmaps`` (std_srvs/Empty).
@@ -119,6 +139,7 @@ class MoveBaseNode:
         self._rate = rospy.Rate(self._setup.base.controller_frequency, reset=True)
         self._velocity = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
         self._shown = _Shown.of(self._setup)
+        self._safety_stop = _Reason("~safety_stop")
         self._recovery_status = rospy.Publisher("~recovery_status", RecoveryStatus, queue_size=1)
         self._last, self._heard, self._complete = -np.inf, False, False
         # Set by ``_offer``, once navigation has its inputs.
@@ -226,7 +247,7 @@ class MoveBaseNode:
         if goal is not None:
             self._carry_out(self._navigator.begin(goal, self._global.pose(now), now), now)
         elif idle:
-            return
+            self._safety_stop.publish("", now)
         elif not self._goals.active or self._goals.cancelled():
             self._carry_out(self._navigator.cancel(now), now)
         else:
@@ -239,27 +260,31 @@ class MoveBaseNode:
         return "" if self._setup.global_planner.default_tolerance else self._global.costmap.goal_fault(goal)
 
     def _sight(self, now: float) -> Sight:
-        """Returns the robot's current state, as far as it is known."""
+        """Returns the robot's current state, as far as it is known; publishes why it may not drive."""
         pose, local_pose = self._global.pose(now), self._local.pose(now)
-        odometry = next(self._odometry.arrivals(), None)
-        if pose is None or local_pose is None or not self._is_current(odometry, now):
-            return Sight(pose)
-        assert odometry is not None
         try:
+            velocity = self._measured_velocity(now)
+            fault = self._global.fault(now) or self._local.fault(now)
+            if pose is None or local_pose is None:
+                fault = fault or "a transform of the robot is missing or out of date"
             transform = self._listener.lookup(self._local.frame, self._global.frame).planar()
-            velocity = velocity_from_odometry(odometry.message)
         except (TransformError, MessageError) as error:
-            self._blind.warn(str(error))
+            fault = str(error)
+            self._blind.warn(fault)
+        else:
+            self._blind.end()
+        self._safety_stop.publish(fault, now)
+        if fault:
             return Sight(pose)
-        self._blind.end()
         return Sight(pose, local_pose, transform, velocity, True)
 
-    def _is_current(self, odometry: Arrival[Odometry] | None, now: float) -> bool:
+    def _measured_velocity(self, now: float) -> Velocity:
+        """Returns the robot's velocity; raises MessageError without recent odometry."""
+        odometry = next(self._odometry.arrivals(), None)
         timeout = self._setup.base.odom_timeout
         if odometry is None or (0.0 < timeout < now - odometry.received):
-            self._blind.warn(f"no odometry on {self._odometry.topic}: standing still")
-            return False
-        return self._global.is_current(now) and self._local.is_current(now)
+            raise MessageError(f"no odometry on {self._odometry.topic}: standing still")
+        return velocity_from_odometry(odometry.message)
 
     def _refresh(self) -> None:
         """Updates the costmaps after a recovery behaviour has changed them, before the next planning."""

@@ -20,6 +20,7 @@ class SpinState:
     turning_until: float | None = None  #: end of the current turn [s]; None if the robot does not turn
     direction: float = 1.0  #: turning direction commanded last: 1 counter-clockwise, -1 clockwise
     active: bool = False  #: whether move_base has an active goal
+    blind: bool = False  #: whether move_base stops the robot because an input is missing
 
     @property
     def turning(self) -> bool:
@@ -45,12 +46,20 @@ def watched(state: SpinState, active: bool, now: float) -> SpinState:
     return advanced(replace(state, active=active), now)
 
 
+def blinded(state: SpinState, blind: bool, now: float) -> SpinState:
+    """Returns the state after move_base reported whether its robot is ``blind``, at ROS time ``now`` [s].
+
+    A blind robot is not turned: nobody knows what is beside it.
+    """
+    return advanced(replace(state, blind=blind), now)
+
+
 def advanced(state: SpinState, now: float) -> SpinState:
     """Returns the state at ROS time ``now`` [s]: a turn starts after `PATIENCE` of standing and lasts `DURATION`.
 
-    Without an active goal there is no turn. When time jumps back, the wait restarts.
+    Without an active goal, or while the robot is blind, there is no turn. When time jumps back, the wait restarts.
     """
-    if not state.active or now < state.now:
+    if not state.active or state.blind or now < state.now:
         return replace(state, now=now, standing_since=None, turning_until=None)
     if state.turning_until is not None:
         over = now >= state.turning_until

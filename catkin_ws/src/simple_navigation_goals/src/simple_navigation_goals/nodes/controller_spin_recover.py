@@ -6,11 +6,12 @@ from typing import Any
 
 from actionlib_msgs.msg import GoalStatus, GoalStatusArray
 from geometry_msgs.msg import Twist, Vector3
+from std_msgs.msg import String
 
 from pioneer_node.adapters.node_handle import NodeHandle
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 from pioneer_node.nodes.node_host import run
-from simple_navigation_goals.core.spin import PATIENCE, SpinState, commanded, watched
+from simple_navigation_goals.core.spin import PATIENCE, SpinState, blinded, commanded, watched
 
 _MAX_VEL_THETA = "move_base/TrajectoryPlannerROS/max_vel_theta"
 
@@ -28,6 +29,8 @@ class SpinRecoverNode:
     Subscribes:
         move_base/status (actionlib_msgs/GoalStatusArray): whether a goal is active; also drives this node's timing.
         <cmd_vel_topic> (geometry_msgs/Twist): move_base's commands.
+        move_base/safety_stop (std_msgs/String): why move_base stops the robot; empty while it does not. There is no
+        turn meanwhile. A C++ move_base has no such topic.
 
     Publishes:
         <cmd_vel_topic> (geometry_msgs/Twist): the turn, repeated with each status and after each command from
@@ -52,6 +55,7 @@ class SpinRecoverNode:
         self._publisher = node.advertise(config.cmd_vel_topic, Twist)
         node.subscribe("move_base/status", GoalStatusArray, self._on_status)
         node.subscribe(config.cmd_vel_topic, Twist, self._on_command)
+        node.subscribe("move_base/safety_stop", String, self._on_safety_stop)
 
     def _checked(self, limit: Any) -> float:
         limit = 1.0 if limit is None else limit
@@ -73,6 +77,9 @@ class SpinRecoverNode:
         if sender != self._node.name:
             linear, angular = message.linear.x, message.angular.z
             self._enter(commanded(self._state, self._speed, linear, angular, self._node.now()))
+
+    def _on_safety_stop(self, message: String, _sender: str) -> None:
+        self._enter(blinded(self._state, bool(message.data), self._node.now()))
 
     def _enter(self, state: SpinState) -> None:
         was_turning, self._state = self._state.turning, state
