@@ -1,7 +1,8 @@
 """Conversions between messages and core values, and message classes with numpy arrays.
 
 Every ``…_from_message`` checks its input: a number that is not finite or exceeds ``LARGEST`` raises a
-``MessageError`` that names the field. Code that uses the converted values does not have to check again.
+``MessageError`` that names the field. This is the boundary at which the kernels' assumptions are checked: code that
+uses the converted values does not have to check again.
 
 genpy turns an ``int8[]`` into a tuple of ints, which takes seconds and hundreds of megabytes for a map of
 4000 x 4000 cells. The classes here have the same wire format, type and MD5 sum. Pass them to a Subscriber, a
@@ -37,8 +38,8 @@ from std_msgs.msg import Header
 from nav_bundle.core.error import MapError, MessageError, ObservationError
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.local_planner import Velocity
-from nav_bundle.core.pose import Pose
-from nav_bundle.core.sensor import Scan, points_from_ranges
+from nav_bundle.core.pose import LARGEST, Pose
+from nav_bundle.core.sensor import LONGEST, Scan, points_from_ranges
 from nav_bundle.core.transform import Transform
 from pioneer_node.core.frame import stripped
 
@@ -148,8 +149,10 @@ class ParticlesMessage(PoseArray):  # type: ignore[misc]
         _write_at_end(buff, _pose_fields(self.particles))
 
 
-LARGEST = 1.0e6
-"""Largest magnitude accepted for a number in a message; no real distance [m] or speed [m/s] exceeds it."""
+LARGEST_SPEED = 100.0
+"""Largest magnitude accepted for a measured speed [m/s], [rad/s]."""
+FINEST = 1.0e-3
+"""Smallest resolution accepted for a map [m]."""
 
 
 def check_numbers(what: str, message: genpy.Message, largest: float = LARGEST) -> None:
@@ -228,16 +231,16 @@ def scan_from_message(message: LaserScan, base_from_laser: Transform) -> Scan:
     """Returns the scan of a LaserScan or ScanMessage in the robot's frame; reverses the angles of an inverted laser.
 
     Raises:
-        ObservationError: an angle is not finite, or a range limit is NaN.
+        ObservationError: an angle is not finite, a range limit is NaN, or ``range_max`` is not positive.
     """
-    _check_scan(message)
+    longest = _checked_range(message)
     side = 1.0 if base_from_laser.upright() else -1.0
     return Scan(
         np.asarray(message.ranges, np.float32),
         side * message.angle_min,
         side * message.angle_increment,
         message.range_min,
-        message.range_max,
+        longest,
         base_from_laser.planar(),
     )
 
@@ -249,30 +252,39 @@ def points_from_scan(message: LaserScan, inf_is_valid: bool) -> NDArray[np.float
         ObservationError: as for ``scan_from_message``, or no range is a measurement: each is NaN or minus infinity,
             or there are none. Plus infinity is one: nothing is in range.
     """
-    _check_scan(message)
+    longest = _checked_range(message)
     ranges = np.asarray(message.ranges, np.float32)
     if not (ranges > -np.inf).any():
         raise ObservationError(f"scan refused: none of its {len(ranges)} ranges is a measurement")
-    limits = (message.range_min, message.range_max)
+    limits = (message.range_min, longest)
     return points_from_ranges(ranges, message.angle_min, message.angle_increment, *limits, inf_is_valid)
 
 
-def _check_scan(message: LaserScan) -> None:
-    """Raises if an angle or range limit is invalid. NaN and infinity are valid ranges: they mean no return."""
+def _checked_range(message: LaserScan) -> float:
+    """Returns the scan's ``range_max``, at most ``LONGEST``, which stands for no limit.
+
+    NaN and infinity are valid ranges: they mean no return.
+
+    Raises:
+        ObservationError: an angle or range limit is invalid.
+    """
     numbers = (message.angle_min, message.angle_increment, message.range_min, message.range_max)
     if not all(map(math.isfinite, numbers[:2])) or any(map(math.isnan, numbers)):
         names = "angle_min, angle_increment, range_min, range_max"
         raise ObservationError(f"scan refused: {names} must be finite numbers, not {', '.join(map(str, numbers))}")
+    if message.range_max <= 0.0:
+        raise ObservationError(f"scan refused: range_max must be positive, not {message.range_max}")
+    return float(min(message.range_max, LONGEST))
 
 
 def velocity_from_odometry(message: Odometry) -> Velocity:
     """Returns the robot's velocity in the robot's frame.
 
     Raises:
-        MessageError: a number is not finite, or exceeds ``LARGEST``.
+        MessageError: a number is not finite, or exceeds ``LARGEST_SPEED``.
     """
     twist = message.twist.twist
-    check_numbers("odometry", twist)
+    check_numbers("odometry", twist, LARGEST_SPEED)
     return Velocity(twist.linear.x, twist.linear.y, twist.angular.z)
 
 
@@ -280,7 +292,7 @@ _REALS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
 
 
 def points_from_cloud(message: PointCloud2) -> NDArray[np.float64]:
-    """Returns a cloud's points (n, 3) [m] in its frame, without points that have a NaN or infinite coordinate.
+    """Returns a cloud's points (n, 3) [m] in its frame, without those that have a coordinate beyond ``LARGEST`` or NaN.
 
     Raises:
         ObservationError: the cloud has no float fields x, y, z, or fewer bytes than its header declares.
@@ -300,7 +312,7 @@ def points_from_cloud(message: PointCloud2) -> NDArray[np.float64]:
         size = f"{len(message.data)} bytes for {message.width} x {message.height} points of {message.point_step}"
         raise ObservationError(f"the point cloud has {size} bytes") from None
     points = np.stack([records[name].astype(np.float64) for name in "xyz"], axis=1)
-    return points[np.isfinite(points).all(axis=1)]
+    return points[(np.abs(points) <= LARGEST).all(axis=1)]
 
 
 _COSTS = ("x", "y", "z", "path_cost", "goal_cost", "occ_cost", "total_cost")
@@ -318,13 +330,15 @@ def grid_from_message(message: OccupancyGrid) -> Grid:
     """Returns the map of an OccupancyGrid or GridMessage; an array ``data`` is shared, and the cells are read-only.
 
     Raises:
-        MapError: no cells, a number of cells other than width x height, or no resolution.
+        MapError: no cells, a number of cells other than width x height, or a resolution below ``FINEST``.
         MessageError: origin or resolution is not finite, or exceeds ``LARGEST``.
     """
     info = message.info
     check_numbers("map", info)
     if info.width * info.height != len(message.data):
         raise MapError(f"the map has {len(message.data)} cells, expected {info.width} x {info.height}")
+    if not info.resolution >= FINEST:
+        raise MapError(f"a map's resolution must be at least {FINEST:g} m, not {info.resolution}")
     cells = np.asarray(message.data, np.int8).reshape(info.height, info.width)
     return Grid(float_from_float32(info.resolution), pose_from_message(info.origin), cells)
 

@@ -120,7 +120,7 @@ def test_a_covariance_survives_its_message() -> None:
 
 
 def test_a_laser_mounted_upside_down_turns_the_other_way() -> None:
-    message = LaserScan(angle_min=-1.0, angle_increment=0.5, ranges=[1.0, 2.0])
+    message = LaserScan(range_max=5.0, angle_min=-1.0, angle_increment=0.5, ranges=[1.0, 2.0])
     rolled = Transform((0.1, 0.0, 0.2), (1.0, 0.0, 0.0, 0.0))
     scan = conversions.scan_from_message(message, rolled)
     assert (scan.angle_min, scan.angle_increment) == (1.0, -0.5)

@@ -45,7 +45,7 @@ def test_in_a_corridor_without_an_end_in_sight_nothing_is_reported():
 def test_slipping_wheels_are_noticed_within_half_a_metre():
     watch, odom = PushingWatch(3.0), Pose()
     for _ in range(5):
-        watch.note_motion(FORWARD, FORWARD, 0.0)
+        watch.note_motion(FORWARD, FORWARD, Pose(), 0.0)
         watch.note_picture(picture(Pose(), odom))
         odom = odom.compose(Pose(0.1))
     assert watch.pushes(0.0)
@@ -65,11 +65,11 @@ def test_slipping_wheels_are_noticed_within_half_a_metre():
 def test_a_robot_that_stands_against_a_command_is_noticed_in_time(command, measured, noticed):
     watch = PushingWatch(3.0)
     for now in np.arange(0.0, 3.2, 0.05):
-        watch.note_motion(command, measured, float(now))
+        watch.note_motion(command, measured, Pose(), float(now))
     assert watch.pushes(2.9) is False
     assert watch.pushes(3.1) == noticed
     switched_off = PushingWatch(0.0)
-    switched_off.note_motion(command, measured, 0.0)
+    switched_off.note_motion(command, measured, Pose(), 0.0)
     assert not switched_off.pushes(100.0)
 
 
@@ -83,3 +83,13 @@ def test_it_backs_off_by_a_third_of_a_metre_and_then_recovers():
         assert velocity.x < 0.0
         x += velocity.x * 0.05
     assert x == pytest.approx(-0.3, abs=0.02)
+
+
+def test_odometry_without_a_velocity_is_no_sign_of_a_robot_that_stands():
+    watch = PushingWatch(1.0)
+    for step in range(100):
+        watch.note_motion(FORWARD, Velocity(), Pose(0.02 * step), 0.05 * step)
+        assert not watch.pushes(0.05 * step)
+    for step in range(100, 130):
+        watch.note_motion(FORWARD, Velocity(), Pose(2.0), 0.05 * step)
+    assert watch.pushes(0.05 * 130)

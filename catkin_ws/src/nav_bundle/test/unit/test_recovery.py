@@ -94,7 +94,7 @@ def test_every_recovery_ends_although_the_robot_does_not_move_and_says_so(kind):
         recovery.start()
         now = 100.0
         while recovery.step(around(costmap, now=now)) is not None:
-            now += 0.05
+            now += 0.5
             assert now < 400.0
         assert kind == "clear" or "has not" in recovery.complaint
 

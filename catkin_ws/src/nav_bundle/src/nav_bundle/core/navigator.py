@@ -151,7 +151,7 @@ class Navigator:
         """Returns the inputs, completed with the outcomes of search, local planner and recovery."""
         inputs = replace(inputs, plan=self._search_on(result))
         if self._state.phase is Phase.CONTROLLING:
-            self._pushing.note_motion(self._command, sight.velocity or Velocity(), now)
+            self._pushing.note_motion(self._command, sight.velocity or Velocity(), sight.local_pose or Pose(), now)
             inputs = replace(inputs, pushing=self._pushing.pushes(now))
             result.decision = decision = self._decide(sight, result)
             return inputs if decision is None else replace(inputs, control=decision.velocity, reached=decision.reached)

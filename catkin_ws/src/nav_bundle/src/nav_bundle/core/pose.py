@@ -7,6 +7,9 @@ from typing import Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+LARGEST = 1.0e8
+"""Largest magnitude of a coordinate [m]: map projections such as UTM stay below it, and grids can index it."""
+
 Coordinate = TypeVar("Coordinate", float, NDArray[np.float64])
 
 

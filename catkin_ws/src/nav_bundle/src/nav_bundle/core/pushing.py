@@ -22,6 +22,8 @@ _UNCHANGED, _MOST = 0.4, 0.7
 second share of the beams is unchanged."""
 _IN_A_ROW = 2
 _COMMANDED, _STANDING = 0.05, 0.01
+_MOVED, _TURNED = 0.03, 0.05
+"""A robot whose odometry pose has changed by one of these [m], [rad] moves, whatever its odometry says of its speed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +61,7 @@ class PushingWatch:
     def __init__(self, timeout: float) -> None:
         self._timeout = timeout
         self._since: float | None = None
+        self._place = Pose()
         self._before: Picture | None = None
         self._slips = 0
 
@@ -66,13 +69,15 @@ class PushingWatch:
         """Clears the history, for example after a manoeuvre."""
         self._since, self._before, self._slips = None, None, 0
 
-    def note_motion(self, command: Velocity | None, measured: Velocity, now: float) -> None:
-        """Records the last command and the velocity measured by odometry."""
+    def note_motion(self, command: Velocity | None, measured: Velocity, pose: Pose, now: float) -> None:
+        """Records the last command, and the velocity and pose measured by odometry, which may have no velocity."""
         stands = abs(measured.x) < _STANDING and abs(measured.turn) < _STANDING
+        moved = pose.distance(self._place) > _MOVED or abs(angle_difference(pose.yaw, self._place.yaw)) > _TURNED
         if command is None or abs(command.x) < _COMMANDED or not stands:
             self._since = None
-        elif self._since is None:
+        elif self._since is None or moved:
             self._since = now
+            self._place = pose
 
     def note_picture(self, picture: Picture) -> None:
         """Compares a scan with an earlier one, once odometry has advanced far enough."""

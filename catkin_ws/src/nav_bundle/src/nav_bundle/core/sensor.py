@@ -12,6 +12,8 @@ from nav_bundle.core.grid import OCCUPIED, Grid
 from nav_bundle.core.pose import Pose
 from nav_bundle.kernels import likelihood as kernel
 
+LONGEST = 1.0e4
+"""Largest range of a sensor [m]; stands for a range without limit."""
 LONGEST_FIELD = 255
 """Maximum reach of a likelihood field [cells], so that squared distances fit into 16 bits."""
 
@@ -29,7 +31,7 @@ class Scan:
     angle_min: float  #: direction of the first beam [rad] in the laser's frame
     angle_increment: float  #: angle between beams [rad]; negative for a laser mounted upside down
     range_min: float  #: ranges up to this one count as no return [m]
-    range_max: float  #: maximum range [m]
+    range_max: float  #: maximum range [m], positive and at most ``LONGEST``
     laser: Pose  #: pose of the laser in the robot's frame
 
     def thinned(self, beams: int, shortest: float, longest: float) -> "Beams":

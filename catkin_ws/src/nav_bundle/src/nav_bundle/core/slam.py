@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from nav_bundle.core.error import ObservationError
 from nav_bundle.core.gmapping_config import GmappingConfig
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose, angle_difference
@@ -19,6 +20,8 @@ from nav_bundle.kernels.slam import Matching, match
 
 SIDEWAYS = 0.3
 """Share of ``srr`` that motion along one axis adds to the noise along the other, as in gmapping."""
+REACH = 100.0
+"""Longest part of a beam that is registered if ``maxUrange`` is not set [m]; the map needs memory for all it covers."""
 SHORT_OF_MAX = 0.01
 """Ranges within this distance [m] of the scan's limit count as no return, as in gmapping."""
 
@@ -88,6 +91,9 @@ class Slam:
 
         Returns:
             Whether the scan was used.
+
+        Raises:
+            ObservationError: the scan lies too far from the others for one map.
         """
         laser = odom.compose(scan.laser)
         first = self._odom is None
@@ -100,6 +106,8 @@ class Slam:
             return False
         self._distance, self._turn, self._stamp = 0.0, 0.0, stamp
         beams = self._beams(scan)
+        if not self.maps.fits(self.poses, float(beams.beams[:, 2].max(initial=0.0)) * self._config.delta):
+            raise ObservationError("the robot is too far from its map: has its odometry jumped?")
         if not first:
             self._match(beams)
             self._resample_if_uneven()
@@ -138,7 +146,7 @@ class Slam:
         """Classifies beams: dropped beyond maxRange; clearing up to maxUrange if at or beyond it; otherwise hits."""
         config = self._config
         longest = config.maxRange if config.maxRange >= 0.0 else scan.range_max - SHORT_OF_MAX
-        usable = config.maxUrange if config.maxUrange >= 0.0 else longest
+        usable = config.maxUrange if config.maxUrange >= 0.0 else min(longest, REACH)
         ranges = scan.ranges.astype(np.float64)
         # Comparisons with NaN are false, so NaN beams are dropped.
         valid = (ranges >= scan.range_min) & (ranges > 0.0) & (ranges <= longest)

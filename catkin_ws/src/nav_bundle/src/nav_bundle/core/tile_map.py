@@ -17,6 +17,12 @@ from nav_bundle.kernels.slam import TILE
 
 _MARGIN = 4
 """Extra tiles added when a directory grows, so that it grows rarely."""
+_WIDEST = 2048
+"""Largest extent of a directory along one axis [tiles]: 3.3 km at 0.05 m."""
+_FARTHEST = 1 << 23
+"""Largest number of a tile, so that the kernels' 32 bits hold the numbers of its cells: 13,000 km at 0.05 m."""
+_DRAWN = 20_000
+"""Largest extent of a drawn map along one axis [cells] for which the map is extended to its configured size."""
 _FIRST = 512
 """Initial number of tiles in a pool."""
 
@@ -54,6 +60,19 @@ class TileMaps:
     def tiles(self) -> int:
         """Number of tiles in use, 8 kB each."""
         return int(np.count_nonzero(self._users))
+
+    def fits(self, poses: NDArray[np.float64], reach: float) -> bool:
+        """Returns whether a scan at each of ``poses`` (n, 3) that reaches ``reach`` [m] fits into the largest map."""
+        side = TILE * self._delta
+        low = (poses[:, :2].min(axis=0) - reach - self._corner) / side
+        high = (poses[:, :2].max(axis=0) + reach - self._corner) / side
+        if self.directories.shape[1]:
+            first = np.array(self._first[::-1])
+            low = np.minimum(low, first)
+            high = np.maximum(high, first + self.directories.shape[:0:-1])
+        widest = (high - low).max() < _WIDEST - 4 * _MARGIN
+        farthest = max(np.abs(low).max(), np.abs(high).max()) < _FARTHEST
+        return bool(widest and farthest)
 
     def register(
         self, index: int, pose: NDArray[np.float64], beams: NDArray[np.float64], hits: NDArray[np.uint8]
@@ -97,8 +116,11 @@ class TileMaps:
         used = np.flatnonzero((directory >= 0).any(axis=1 - axis))
         if len(used) == 0:
             return 0, most
-        first = self._first[axis]
-        return min(0, int(first + used[0]) * TILE), max(most, int(first + used[-1] + 1) * TILE)
+        first = int(self._first[axis] + used[0]) * TILE
+        end = int(self._first[axis] + used[-1] + 1) * TILE
+        if max(most, end) - min(0, first) > max(_DRAWN, most):
+            return first, end  # far from the configured map, as with odometry in a map projection
+        return min(0, first), max(most, end)
 
     def _cover(self, left: float, low: float, right: float, top: float) -> int:
         """Grows the directories to contain a box [m]; returns the number of tiles in the box."""

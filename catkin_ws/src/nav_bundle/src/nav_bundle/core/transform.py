@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nav_bundle.core.error import NavigationError
-from nav_bundle.core.pose import Pose
+from nav_bundle.core.pose import LARGEST, Pose
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -75,7 +75,7 @@ class Transform:
 
 
 def fault_of(parent: str, child: str, transform: Transform) -> str:
-    """Returns why parent_from_child is invalid by tf2's rules; an empty string if it is valid."""
+    """Returns why parent_from_child is invalid by tf2's rules, or too large; an empty string if it is valid."""
     for frame in (parent, child):
         fault = frame_fault(frame)
         if fault:
@@ -84,6 +84,8 @@ def fault_of(parent: str, child: str, transform: Transform) -> str:
         return "a frame cannot be its own parent"
     if not all(map(math.isfinite, (*transform.translation, *transform.rotation))):
         return f"its numbers must be finite, they are {transform.translation} and {transform.rotation}"
+    if any(abs(value) > LARGEST for value in transform.translation):
+        return f"its coordinates must be within ±{LARGEST:g} m, they are {transform.translation}"
     if abs(sum(value * value for value in transform.rotation) - 1.0) > _UNIT_TOLERANCE:
         return f"its quaternion must have length 1, it is {transform.rotation}"
     return ""

@@ -157,8 +157,8 @@ def _sampled(cells: Cells, origin: Pose, resolution: float, place: Geometry) -> 
         part = found[first : first + _ROWS_AT_ONCE]
         rows = np.arange(first, first + len(part))
         dy = (place.origin_y + (rows + 0.5) * place.resolution - origin.y)[:, None]
-        col = np.floor((cosine * dx + sine * dy) / resolution).astype(np.int32)
-        row = np.floor((cosine * dy - sine * dx) / resolution).astype(np.int32)
+        col = np.floor((cosine * dx + sine * dy) / resolution).astype(np.int64)
+        row = np.floor((cosine * dy - sine * dx) / resolution).astype(np.int64)
         inside = (row >= 0) & (row < cells.shape[0]) & (col >= 0) & (col < cells.shape[1])
         part[inside] = cells[row[inside], col[inside]]
     return found
