@@ -127,6 +127,14 @@ class AmclCheck(RoomTest):
         self.robot.pose, self.robot.time = START, 3.0
         self.drive_until(self.is_localised, "localisation after time jumped back")
 
+    def test_a_clock_that_is_set_back_a_little_changes_nothing(self) -> None:
+        self.robot.pose = Pose(5.0, 1.4, 0.3)
+        self.say_pose(self.robot.pose)
+        self.drive_until(self.is_localised, "localisation at the initial pose")
+        self.robot.time -= 0.6
+        self.drive_until(self.answered, "tf of a scan after the step")
+        assert self.is_localised()
+
     def test_parameters_change_under_way(self) -> None:
         client = Client("/pioneer3/amcl", timeout=10)
         self.addCleanup(client.update_configuration, {"restore_defaults": True})

@@ -119,7 +119,9 @@ class Slam:
     def _due(self, stamp: float) -> bool:
         config = self._config
         far = self._distance >= config.linearUpdate or self._turn >= config.angularUpdate
-        return far or 0.0 <= config.temporalUpdate < stamp - self._stamp
+        # A stamp before the last one is that of a clock that was set back.
+        late = not self._stamp <= stamp <= self._stamp + config.temporalUpdate
+        return far or (config.temporalUpdate >= 0.0 and late)
 
     def _move(self, before: Pose, after: Pose) -> None:
         """Moves every particle by the laser's odometry motion, each with independent noise."""

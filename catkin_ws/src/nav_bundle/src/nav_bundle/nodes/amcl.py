@@ -31,6 +31,7 @@ from nav_bundle.conversions import (
     scan_from_message,
 )
 from nav_bundle.core.amcl_config import UNSUPPORTED, AmclConfig
+from nav_bundle.core.clock import ClockWatch, Jump
 from nav_bundle.core.error import NavigationError, ObservationError
 from nav_bundle.core.localisation import Localisation, NoMapError
 from nav_bundle.core.particle import Estimate
@@ -79,8 +80,8 @@ class AmclNode:
     Threads: callbacks store the newest scan or queue a command; ``spin`` does all the work.
 
     On error: scans without map or transforms are dropped with a warning that names what is missing. An invalid
-    parameter ends the node, an unreadable ~correction_file does not. When time jumps back, localisation restarts at
-    the initial pose.
+    parameter ends the node, an unreadable ~correction_file does not. When simulated time starts again, so
+    does localisation, at the initial pose; a clock that is set back changes nothing.
     """
 
     def __init__(self) -> None:
@@ -92,7 +93,8 @@ class AmclNode:
         self._commands: deque[Callable[[], None]] = deque()
         self._estimate: Estimate | None = None
         self._map_from_odom: Pose | None = None
-        self._now = self._next_cloud = self._next_diagnosis = 0.0
+        self._clock = ClockWatch(simulated=not rospy.rostime.is_wallclock())
+        self._next_cloud = self._next_diagnosis = 0.0
         self._lost = False
         self._dropping = StandingWarning("scans are used now")
         self._start_at_initial_pose()
@@ -216,7 +218,7 @@ class AmclNode:
                 rospy.logwarn("%s", error)
 
     def _use_scan(self, message: ScanMessage) -> None:
-        self._restart_if_time_jumped()
+        self._read_clock()
         if not self._localisation.has_map:
             source = "topic" if self._config.use_map_topic else "service"
             name = rospy.resolve_name("map" if self._config.use_map_topic else "static_map")
@@ -253,16 +255,23 @@ class AmclNode:
             )
         self._lost = lost
 
-    def _restart_if_time_jumped(self) -> None:
-        now = rospy.get_time()
-        if now < self._now:
+    def _read_clock(self) -> None:
+        """Reads the clock; when simulated time starts again, so does localisation."""
+        jump = self._clock.read(rospy.get_time())
+        if jump is Jump.NONE:
+            return
+        self._store.restart()
+        self._next_cloud = self._next_diagnosis = 0.0
+        if jump is Jump.RESET:
             rospy.logwarn("time jumped back: localisation starts again at the initial pose")
             self._remembered = None
             self._start_at_initial_pose()
             self._correction.forget()  # odometry has restarted, so the correction is invalid
-            self._store.restart()
-            self._next_cloud = self._next_diagnosis = 0.0
-        self._now = now
+
+    @property
+    def _now(self) -> float:
+        """ROS time of the newest scan's arrival [s]."""
+        return self._clock.now
 
     # Commands, run by the loop.
 

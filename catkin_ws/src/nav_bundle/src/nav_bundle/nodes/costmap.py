@@ -218,11 +218,15 @@ class CostmapNode:
         return None
 
     def forget(self) -> None:
-        """Drops all sensor data after the clock jumped back."""
+        """Drops all sensor data after simulated time has started again."""
+        self.forget_times()
+        self.costmap.reset()
+
+    def forget_times(self) -> None:
+        """Drops all messages after the clock was set back: their age is unknown. Keeps the obstacles."""
         for source in self._sources:
             source.scans.forget()
             source.source.forget()
-        self.costmap.reset()
 
     def _map_place(self) -> Pose | None:
         """Returns the pose of the map's frame in the costmap's; None if a rolling window lacks the transform."""

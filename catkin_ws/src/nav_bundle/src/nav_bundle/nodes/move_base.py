@@ -23,6 +23,7 @@ from nav_bundle.conversions import (
     stamped_from_pose,
     velocity_from_odometry,
 )
+from nav_bundle.core.clock import RESET, ClockWatch, Jump
 from nav_bundle.core.error import MessageError
 from nav_bundle.core.global_planner import visible_potential
 from nav_bundle.core.local_planner import Velocity
@@ -141,6 +142,7 @@ class MoveBaseNode:
         self._shown = _Shown.of(self._setup)
         self._safety_stop = _Reason("~safety_stop")
         self._recovery_status = rospy.Publisher("~recovery_status", RecoveryStatus, queue_size=1)
+        self._clock = ClockWatch(simulated=not rospy.rostime.is_wallclock())
         self._last, self._heard, self._complete = -np.inf, False, False
         # Set by ``_offer``, once navigation has its inputs.
         self._goals: GoalServer
@@ -211,8 +213,12 @@ class MoveBaseNode:
 
     def _turn_at(self, now: float) -> None:
         with self._turn:
-            if now < self._last:
-                self._forget(now)
+            before = self._clock.now
+            jump = self._clock.read(now)
+            if jump is Jump.RESET:
+                self._restart(now)
+            elif jump is Jump.STEP:
+                self._forget_times(now, before - now)
             self._cycle(now)
         if not self._heard and self._odometry.received is not None:
             self._heard = True
@@ -229,14 +235,24 @@ class MoveBaseNode:
             rospy.loginfo_throttle(_COMPLAIN_EVERY, f"waiting for {words}")
         return not missing and self._global.costmap.ready and self._local.costmap.ready
 
-    def _forget(self, now: float) -> None:
-        """Restarts after the clock jumped back; keeps the active goal."""
+    def _restart(self, now: float) -> None:
+        """Restarts after simulated time has started again; keeps the active goal."""
         rospy.logwarn("time jumped back: obstacles forgotten, the goal is planned again")
         for costmap in (self._global, self._local):
             costmap.forget()
         self._odometry.forget()
         self._goals.forget()
         self._carry_out(self._navigator.restart(self._global.pose(now), now), now)
+
+    def _forget_times(self, now: float, back: float) -> None:
+        """Continues after the clock was set back by ``back`` [s]: waits for new data, keeps the obstacles."""
+        for costmap in (self._global, self._local):
+            costmap.forget_times()
+        self._odometry.forget()
+        self._goals.forget()
+        if back > RESET:  # the goal's patience would last as much longer
+            rospy.logwarn("the clock was set back by %.1f s: the goal is planned again", back)
+            self._carry_out(self._navigator.restart(self._global.pose(now), now), now)
 
     def _cycle(self, now: float) -> None:
         if self._global.update(now):

@@ -16,6 +16,7 @@ from nav_bundle.conversions import (
     message_from_grid,
     scan_from_message,
 )
+from nav_bundle.core.clock import ClockWatch, Jump
 from nav_bundle.core.error import NavigationError, ObservationError
 from nav_bundle.core.gmapping_config import GmappingConfig
 from nav_bundle.core.pose import Pose
@@ -48,7 +49,8 @@ class SlamGmappingNode:
     a scan is matched (the kernels release the GIL). During a match only the newest scan is kept; no transform is lost.
 
     On error: scans without transforms are dropped with a warning that names what is missing; an invalid parameter ends
-    the node. When time jumps back, mapping restarts with an empty map.
+    the node. When simulated time starts again, so does mapping, with an empty map; a clock that is set
+    back changes nothing.
     """
 
     def __init__(self) -> None:
@@ -60,7 +62,7 @@ class SlamGmappingNode:
         self._scans = 0
         self._dropping = StandingWarning("scans are used now")
         self._map: GridMessage | None = None
-        self._now = 0.0
+        self._clock = ClockWatch(simulated=not rospy.rostime.is_wallclock())
         self._slam = Slam(config, np.random.default_rng(config.seed))
         self._map_from_odom: Pose | None = None
         self._next_map = -np.inf
@@ -109,7 +111,7 @@ class SlamGmappingNode:
                     self._dropping.warn(f"scans are dropped: {error}")
 
     def _use(self, message: ScanMessage) -> None:
-        self._restart_if_time_jumped()
+        self._read_clock()
         stamp = message.header.stamp
         laser, odom = self._listener.place_of_scan(message.header, self._odom_frame, self._base_frame)
         if not self._slam.observe(odom, scan_from_message(message, laser), stamp.to_sec()):
@@ -123,13 +125,15 @@ class SlamGmappingNode:
             self._next_map = stamp.to_sec() + self._config.map_update_interval
             self._publish_map(stamp)
 
-    def _restart_if_time_jumped(self) -> None:
-        now = rospy.get_time()
-        if now < self._now:
+    def _read_clock(self) -> None:
+        """Reads the clock; when simulated time starts again, so does mapping."""
+        jump = self._clock.read(rospy.get_time())
+        if jump is not Jump.NONE:
+            self._next_map = -np.inf
+        if jump is Jump.RESET:
             rospy.logwarn("time jumped back: mapping restarts with an empty map")
             self._slam = Slam(self._config, np.random.default_rng(self._config.seed))
-            self._map_from_odom, self._next_map = None, -np.inf
-        self._now = now
+            self._map_from_odom = None
 
     def _publish_map(self, stamp: rospy.Time) -> None:
         self._map = message_from_grid(self._slam.grid(), self._map_frame, stamp)
