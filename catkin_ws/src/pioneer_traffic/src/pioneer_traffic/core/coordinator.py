@@ -162,7 +162,7 @@ class Coordinator:
     def _is_carried(self) -> bool:
         """Returns whether the robot is so far from what it holds that it has been carried elsewhere."""
         held = self._own.held
-        return bool(held) and self._roadmap.distance_to_held(held, self._own.position) > self._config.carried
+        return bool(held) and not self._roadmap.is_near_held(held, self._own.position, self._config.carried)
 
     def _is_way_free(self, start: Point, end: Point) -> bool:
         """Returns whether a way comes no nearer than the clearance to a stray robot, unless it leads away from it."""

@@ -71,7 +71,7 @@ class Neighbours:
     def _is_stray(self, report: Report) -> bool:
         if not report.held:
             return True
-        return self._roadmap.distance_to_held(report.held, report.position) > self._config.stray
+        return not self._roadmap.is_near_held(report.held, report.position, self._config.stray)
 
     def standing_at(self, report: Report) -> Point:
         """Returns the position of a robot outside the plan; without small movements, or each made a new plan."""

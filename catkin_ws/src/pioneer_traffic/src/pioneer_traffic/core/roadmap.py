@@ -175,22 +175,27 @@ class Roadmap:
             for pair in zip(start, end, strict=True)
         )
         return {
-            len(self.places) + (row % _PATCHES) * _PATCHES + col % _PATCHES
+            _patch_number(col, row, len(self.places))
             for row in rows
             for col in cols
             if distance_to_segment((col * _PATCH, row * _PATCH), start, end) < radius
         }
 
-    def distance_to_held(self, held: Sequence[int], point: Point) -> float:
-        """Returns the distance from a point to held places and the ways between them; 0 on a held ground patch."""
-        if not self._patches(point, point).isdisjoint(held):
-            return 0.0
-        places = [place for place in held if 0 <= place < len(self.places)]
-        least = min((math.dist(self.places[place], point) for place in places), default=math.inf)
+    def is_near_held(self, held: Sequence[int], point: Point, reach: float) -> bool:
+        """Returns whether a point is within ``reach`` [m] of held places or the ways between them, or on held ground.
+
+        Called for each robot by each robot several times a second: the usual case comes first.
+        """
+        count = len(self.places)
+        places = [place for place in held if 0 <= place < count]
+        if any(math.dist(self.places[place], point) <= reach for place in places):
+            return True
         for place, following in pairwise(places):
             if following in self.neighbours[place]:
-                least = min(least, distance_to_segment(point, self.places[place], self.places[following]))
-        return least
+                distance = distance_to_segment(point, self.places[place], self.places[following])
+                if distance <= reach:
+                    return True
+        return _patch_number(round(point[0] / _PATCH), round(point[1] / _PATCH), count) in held
 
     def is_free(self, point: Point) -> bool:
         """Returns whether a point is not in a wall, nor outside the map."""
@@ -210,6 +215,11 @@ class Roadmap:
         if self.space is None:
             return True
         return self.space.sees_from_wall(start, end, self.config.passing_radius)
+
+
+def _patch_number(col: int, row: int, places: int) -> int:
+    """Returns the number of a ground patch of a roadmap with so many places."""
+    return places + (row % _PATCHES) * _PATCHES + col % _PATCHES
 
 
 def roadmap_from_space(space: FreeSpace, config: RoadmapConfig | None = None) -> Roadmap:
