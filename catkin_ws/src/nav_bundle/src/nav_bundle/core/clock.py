@@ -10,7 +10,7 @@ class Jump(Enum):
     """What a clock has done since the last reading."""
 
     NONE = "none"
-    STEP = "step"  #: it was set back, as by NTP; the world went on, and only times from before are useless
+    STEP = "step"  #: it was set back, as by NTP; the world continues, and only times from before are useless
     RESET = "reset"  #: simulation or bag have started again; what was learnt of the world before is useless
 
 

@@ -11,7 +11,7 @@ from nav_msgs.msg import OccupancyGrid, Odometry
 from nav_msgs.msg import Path as PathType
 from nav_msgs.srv import GetPlanRequest
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Header, String
+from std_msgs.msg import Header
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
 
 from nav_bundle.conversions import (
@@ -37,6 +37,7 @@ from nav_bundle.core.transform import TransformError
 from nav_bundle.nodes.costmap import CostmapNode
 from nav_bundle.nodes.move_base_action import GoalServer
 from nav_bundle.nodes.move_base_reconfigure import Reconfiguration
+from nav_bundle.nodes.reason import Reason
 from nav_bundle.nodes.sensor import Newest
 from nav_bundle.nodes.transform import TransformListener
 from pioneer_node.nodes import entry
@@ -77,26 +78,6 @@ def _outline_parameters() -> dict[str, Any]:
         if key:
             found[name] = rospy.get_param(key)
     return found
-
-
-class _Reason:
-    """A latched topic that holds a reason; empty for none."""
-
-    def __init__(self, topic: str) -> None:
-        self._publisher = rospy.Publisher(topic, String, queue_size=1, latch=True)
-        self._reason = ""
-        self._published = -np.inf
-        self._publisher.publish("")
-
-    def publish(self, reason: str, now: float) -> None:
-        """Publishes a reason that begins or ends at once; one that only changes, as figures do, after a while."""
-        if reason == self._reason:
-            return
-        if reason and self._reason and 0.0 <= now - self._published < _COMPLAIN_EVERY:
-            return
-        self._reason = reason
-        self._published = now
-        self._publisher.publish(reason)
 
 
 class MoveBaseNode:
@@ -140,7 +121,7 @@ class MoveBaseNode:
         self._rate = rospy.Rate(self._setup.base.controller_frequency, reset=True)
         self._velocity = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
         self._shown = _Shown.of(self._setup)
-        self._safety_stop = _Reason("~safety_stop")
+        self._safety_stop = Reason("~safety_stop")
         self._recovery_status = rospy.Publisher("~recovery_status", RecoveryStatus, queue_size=1)
         self._clock = ClockWatch(simulated=not rospy.rostime.is_wallclock())
         self._last, self._heard, self._complete = -np.inf, False, False
