@@ -91,7 +91,7 @@ def test_a_robot_that_pushes_recovers_and_gives_up_after_the_last_behaviour():
         machine.cycle(plan=PlanOutcome.FOUND, pose=Pose())
     machine.cycle(control=GO, pushing=True, pose=Pose())
     machine.cycle(pose=Pose())
-    assert finish(machine) == Finish(Outcome.ABORTED, Trigger.PUSHING.value)
+    assert finish(machine) == Finish(Outcome.ABORTED, Trigger.PUSHING.value, Trigger.PUSHING)
 
 
 def test_reaching_the_goal_ends_it_with_noetic_s_text():
@@ -192,7 +192,7 @@ def test_recoveries_run_in_order_and_then_the_goal_is_aborted():
         assert machine.now < 60.0
     assert started == [0, 1, 2, 3]
     assert finish(machine) == Finish(
-        Outcome.ABORTED, "Failed to find a valid plan. Even after executing recovery behaviors."
+        Outcome.ABORTED, "Failed to find a valid plan. Even after executing recovery behaviors.", Trigger.PLANNING
     )
 
 

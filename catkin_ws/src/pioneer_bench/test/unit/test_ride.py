@@ -1,10 +1,12 @@
 """A robot drives courses with the shipped parameters, without ROS: what it must reach, and with which clearance."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from nav_bundle.core.pose import Pose
-from pioneer_bench.core import course
+from pioneer_bench.core import blocked, course
 from pioneer_bench.core.course import Course
 from pioneer_bench.core.ride import Body, Ride, ride, with_changes
 from pioneer_bench.hard import random_changes, shipped_parameters
@@ -59,6 +61,26 @@ def test_a_cylinder_that_the_map_does_not_show_is_not_touched(parameters: dict[s
     among = driven(course.clutter(2), parameters)
     assert (among.reached, among.contacts) == (8, 0)
     assert among.way / among.seconds > 0.45
+
+
+@pytest.mark.parametrize("make", [blocked.detour, blocked.trap, blocked.shut_door, blocked.thicket])
+@pytest.mark.parametrize(("seed", "jitter"), [(1, 0.0), (4, 1.5)])
+def test_a_way_round_what_the_map_does_not_show_is_found(
+    parameters: dict[str, object], make: Callable[[int], Course], seed: int, jitter: float
+) -> None:
+    round_it = ride(make(seed), parameters, seed, jitter)
+    assert (round_it.reached, round_it.contacts, round_it.given_up) == (2, 0, ())
+
+
+@pytest.mark.parametrize("make", [blocked.barrier, blocked.occupied])
+@pytest.mark.parametrize(("seed", "jitter"), [(1, 0.0), (4, 1.5)])
+def test_a_goal_that_cannot_be_reached_is_given_up_and_the_next_one_is_reached(
+    parameters: dict[str, object], make: Callable[[int], Course], seed: int, jitter: float
+) -> None:
+    """A robot used to drive to and fro before such a goal for ever."""
+    before_it = ride(make(seed), parameters, seed, jitter)
+    assert (before_it.reached, before_it.contacts, before_it.wrongly_given_up) == (1, 0, 0)
+    assert before_it.given_up[0] < 120.0
 
 
 def test_the_gap_is_that_between_body_and_wall() -> None:

@@ -6,11 +6,12 @@ the node; the state machine sees only their outcomes.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from nav_bundle.core.local_planner import STANDSTILL, Velocity
 from nav_bundle.core.pose import Pose
+from nav_bundle.core.progress import Progress, ProgressLimits
 
 
 class Phase(Enum):
@@ -29,6 +30,8 @@ class Trigger(Enum):
     CONTROLLING = "Failed to find a valid control. Even after executing recovery behaviors."
     OSCILLATION = "Robot is oscillating. Even after executing recovery behaviors."
     PUSHING = "Robot is commanded to drive and does not move. Even after executing recovery behaviors."
+    SENSORS = "Sensor data is out of date."
+    PROGRESS = "Robot makes no progress towards the goal. Even after executing recovery behaviors."
 
 
 class PlanOutcome(Enum):
@@ -52,8 +55,8 @@ class Limits:
     """Parameters of the state machine: times [s], frequencies [Hz], distances [m].
 
     ``max_planning_retries`` below 0 and ``oscillation_timeout`` 0 mean no limit.
-    ``planner_frequency`` 0 means plan once per goal and whenever control fails. ``meeting_period`` is the maximum age
-    of a plan while an unmapped obstacle is near.
+    ``planner_frequency`` 0 means plan once per goal and whenever control fails. ``meeting_period`` is the longest time
+    between plans while an unmapped obstacle is near or the plan is blocked.
     """
 
     planner_frequency: float = 0.0
@@ -64,6 +67,7 @@ class Limits:
     oscillation_distance: float = 0.5
     meeting_period: float = 0.5
     recoveries: int = 0
+    progress: ProgressLimits = field(default_factory=ProgressLimits)
 
     @property
     def planning_period(self) -> float:
@@ -78,6 +82,7 @@ class State:
     phase: Phase = Phase.IDLE
     plan_due: float = math.inf
     last_valid_plan: float = 0.0
+    last_search: float = 0.0
     last_valid_control: float = 0.0
     planning_retries: int = 0
     last_oscillation_reset: float = 0.0
@@ -85,6 +90,8 @@ class State:
     recovery_index: int = 0
     recovering: bool = False
     trigger: Trigger = Trigger.PLANNING
+    recovery_begun: float = 0.0
+    progress: Progress = field(default_factory=Progress)
 
 
 @dataclass(frozen=True)
@@ -102,6 +109,10 @@ class Inputs:
     recovered: bool = False  #: the active recovery behaviour has ended
     meeting: bool = False  #: an unmapped obstacle is near, so plans must be renewed sooner
     pushing: bool = False  #: the robot is commanded to drive but does not move
+    remaining: float | None = None  #: remaining way by the current plan [m]; None without a plan, or if it is blocked
+    blocked: bool = False  #: the current plan leads through an obstacle
+    blocked_near: bool = False  #: the current plan leads through an obstacle that is near
+    discovered: bool = False  #: an obstacle that was not known before was found on the way
 
 
 @dataclass(frozen=True)
@@ -129,10 +140,11 @@ class StartRecovery:
 
 @dataclass(frozen=True)
 class Finish:
-    """End the goal."""
+    """End the goal; ``trigger`` is what made an aborted goal fail."""
 
     outcome: Outcome
     text: str
+    trigger: Trigger | None = None
 
 
 @dataclass(frozen=True)
@@ -148,6 +160,7 @@ Step = tuple[State, Velocity | None, tuple[Event, ...]]
 RETRY_PERIOD = 0.1
 """Longest wait between two searches while the robot has no plan [s]."""
 PUSHING_TEXT = "The robot is commanded to drive and does not move: it pushes against something, or its motors are off"
+LATE_TEXT = "The goal was not reached within its total time, goal_timeout_scale times that of its first plan."
 STALE_TEXT = "Sensor data is out of date, we're not going to allow commanding of the base for safety"
 
 
@@ -160,8 +173,13 @@ def advance(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
     if inputs.cancel:
         return _finish(Outcome.PREEMPTED, "")
     state = _watch_oscillation(state, inputs.pose, now, limits)
+    state = _watch_progress(state, inputs, now, limits)
+    if state.progress.is_late(now):
+        return _finish(Outcome.ABORTED, LATE_TEXT, Trigger.PROGRESS)
     if not inputs.current:
-        return state, STANDSTILL, (Warn(STALE_TEXT),)
+        return _wait_for_sensors(state, now, limits)
+    if state.phase is not Phase.CLEARING and state.progress.stalls(now, limits.progress):
+        return _clear(replace(state, recovery_index=state.progress.recoveries), Trigger.PROGRESS)
     state, planned, events = _take_plan(state, inputs, now, limits)
     if planned is not None:
         return state, planned, events
@@ -171,8 +189,8 @@ def advance(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
         state, command, more = _control(state, inputs, now, limits)
     elif state.phase is Phase.CLEARING:
         state, command, more = _recover(state, inputs, now, limits)
-    if inputs.meeting and state.phase is Phase.CONTROLLING and math.isfinite(state.plan_due):
-        state = replace(state, plan_due=min(state.plan_due, state.last_valid_plan + limits.meeting_period))
+    if (inputs.meeting or inputs.blocked) and state.phase is Phase.CONTROLLING and math.isfinite(state.plan_due):
+        state = replace(state, plan_due=min(state.plan_due, state.last_search + limits.meeting_period))
     state, request = _request_plan(state, now)
     return state, command, events + more + request
 
@@ -185,12 +203,32 @@ def _begin(inputs: Inputs, now: float) -> Step:
         last_valid_control=now,
         last_oscillation_reset=now,
         oscillation_pose=inputs.pose,
+        progress=Progress(since=now),
     )
     return state, STANDSTILL, (StopPlanning(), StartPlanning())
 
 
-def _finish(outcome: Outcome, text: str) -> Step:
-    return State(), STANDSTILL, (StopPlanning(), Finish(outcome, text))
+def _finish(outcome: Outcome, text: str, trigger: Trigger | None = None) -> Step:
+    return State(), STANDSTILL, (StopPlanning(), Finish(outcome, text, trigger))
+
+
+def _watch_progress(state: State, inputs: Inputs, now: float, limits: Limits) -> State:
+    """Updates the progress by the remaining way; recovery behaviours do not count."""
+    if state.phase is Phase.CLEARING:
+        return state
+    progress = state.progress
+    if inputs.discovered:
+        progress = progress.discovered(now)
+    if inputs.remaining is not None:
+        progress = progress.noted(inputs.remaining, now, limits.progress)
+    return replace(state, progress=progress)
+
+
+def _wait_for_sensors(state: State, now: float, limits: Limits) -> Step:
+    """Stands still; gives up when a robot that drives would have done so, since recovery cannot bring sensors back."""
+    if state.progress.is_hopeless(now, limits.progress):
+        return _finish(Outcome.ABORTED, STALE_TEXT, Trigger.SENSORS)
+    return state, STANDSTILL, (Warn(STALE_TEXT),)
 
 
 def _watch_oscillation(state: State, pose: Pose | None, now: float, limits: Limits) -> State:
@@ -214,8 +252,9 @@ def _take_plan(state: State, inputs: Inputs, now: float, limits: Limits) -> Step
     """Handles the outcome of the search; if the returned step has a velocity, the cycle ends here."""
     if state.phase not in (Phase.PLANNING, Phase.CONTROLLING) or inputs.plan is PlanOutcome.NONE:
         return state, None, ()
+    state = replace(state, last_search=now)
     if inputs.plan is PlanOutcome.FAILED:
-        return _planning_failed(state, now, limits)
+        return _planning_failed(state, inputs, now, limits)
     started = state.phase is Phase.PLANNING
     state = replace(
         state,
@@ -228,10 +267,13 @@ def _take_plan(state: State, inputs: Inputs, now: float, limits: Limits) -> Step
     return state, STANDSTILL if started else None, (FollowPlan(),)
 
 
-def _planning_failed(state: State, now: float, limits: Limits) -> Step:
-    """Retries until patience or retries are exhausted; a moving robot keeps its current plan."""
+def _planning_failed(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
+    """Retries until patience or retries are exhausted; a moving robot keeps its current plan until it is blocked."""
     period = min(limits.planning_period, RETRY_PERIOD) if math.isfinite(limits.planning_period) else 0.0
     if state.phase is Phase.CONTROLLING:
+        if inputs.blocked_near:
+            state = replace(state, phase=Phase.PLANNING, last_valid_plan=now, planning_retries=0, plan_due=now)
+            return state, STANDSTILL, ()
         return replace(state, plan_due=now + limits.planning_period), None, ()
     retries = state.planning_retries + 1
     state = replace(state, planning_retries=retries, plan_due=now + period)
@@ -268,8 +310,12 @@ def _control(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
 def _recover(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
     if not state.recovering:
         if state.recovery_index >= limits.recoveries:
-            return _finish(Outcome.ABORTED, state.trigger.value)
-        return replace(state, recovering=True), None, (StartRecovery(state.recovery_index, state.trigger),)
+            return _finish(Outcome.ABORTED, state.trigger.value, state.trigger)
+        return (
+            replace(state, recovering=True, recovery_begun=now),
+            None,
+            (StartRecovery(state.recovery_index, state.trigger),),
+        )
     if not inputs.recovered:
         return state, inputs.recovery, ()
     state = replace(
@@ -281,5 +327,6 @@ def _recover(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
         last_valid_plan=now,
         planning_retries=0,
         plan_due=now,
+        progress=state.progress.recovered(now - state.recovery_begun),
     )
     return state, STANDSTILL, ()

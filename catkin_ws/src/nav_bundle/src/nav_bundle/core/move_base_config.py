@@ -22,6 +22,7 @@ from nav_bundle.core.local_planner import LocalPlanner
 from nav_bundle.core.move_base import Limits
 from nav_bundle.core.navfn import MEETING_DISTANCE, NavfnConfig, NavfnPlanner
 from nav_bundle.core.pose import Pose
+from nav_bundle.core.progress import ProgressLimits
 from nav_bundle.core.recovery import Recovery, recoveries_from_parameters
 from nav_bundle.core.trajectory_config import trajectory_config_from_parameters
 from nav_bundle.core.trajectory_planner import TrajectoryPlanner
@@ -61,6 +62,13 @@ class MoveBaseConfig:
     ``meeting_margin`` [m], but never below ``meeting_min_vel`` [m/s], and the planner runs at
     ``meeting_planner_frequency`` [Hz]. A robot that is commanded to drive but stands for ``pushing_timeout`` [s] (0:
     disabled), or whose wheels slip, backs up and starts recovery.
+
+    A robot makes progress if its remaining way by the global plan is ``progress_distance`` [m] less than the least so
+    far. Without progress for ``progress_timeout`` [s] (0: disabled) recovery starts; after each recovery behaviour
+    there are ``planner_patience`` seconds more, and after the last one the goal is aborted. Obstacles that are found
+    on the way restart this at most ``max_progress_resets`` times a goal. A goal is also aborted after
+    ``goal_timeout_scale`` (0: never) times the time that its first plan takes at full speed, but not before
+    ``goal_timeout_min`` [s].
     """
 
     base_global_planner: Annotated[str, Live()] = "navfn/NavfnROS"
@@ -87,6 +95,11 @@ class MoveBaseConfig:
     meeting_min_vel: Annotated[float, Live(0.0, 5.0)] = 0.15
     meeting_planner_frequency: Annotated[float, Live(0.01, 100.0)] = 2.0
     pushing_timeout: Annotated[float, Live(0.0, 60.0)] = 3.0
+    progress_timeout: Annotated[float, Live(0.0, 300.0)] = 22.0
+    progress_distance: Annotated[float, Live(0.01, 10.0)] = 0.5
+    max_progress_resets: Annotated[int, Live(0, 1000)] = 5
+    goal_timeout_scale: Annotated[float, Live(0.0, 1000.0)] = 10.0
+    goal_timeout_min: Annotated[float, Live(0.0, 3600.0)] = 120.0
     odom_timeout: float = 0.5
     transform_future_limit: float = 10.0
 
@@ -212,6 +225,7 @@ def setup_from_parameters(parameters: Mapping[str, Any], owner: str) -> Setup:
     global_name, (read_global, _) = _planner(
         _GLOBAL_PLANNERS, base.base_global_planner, f"{owner}: ~base_global_planner"
     )
+    local_planner = read_local(namespace_in(parameters, name, owner), f"{owner}/{name}", base.controller_frequency)
     return Setup(
         base,
         global_costmap,
@@ -219,9 +233,9 @@ def setup_from_parameters(parameters: Mapping[str, Any], owner: str) -> Setup:
         global_name,
         read_global(namespace_in(parameters, global_name, owner), f"{owner}/{global_name}"),
         name,
-        read_local(namespace_in(parameters, name, owner), f"{owner}/{name}", base.controller_frequency),
+        local_planner,
         recoveries,
-        _limits(base, len(recoveries)),
+        _limits(base, len(recoveries), local_planner.max_vel_x),
     )
 
 
@@ -240,7 +254,17 @@ def _planner(kinds: dict[str, Kind], wanted: str, what: str) -> tuple[str, Kind]
     raise ParameterError(f"{what} {wanted!r} is not available; there are {', '.join(kinds)}")
 
 
-def _limits(base: MoveBaseConfig, recoveries: int) -> Limits:
+def _limits(base: MoveBaseConfig, recoveries: int, speed: float) -> Limits:
+    progress = ProgressLimits(
+        distance=base.progress_distance,
+        timeout=base.progress_timeout,
+        patience=base.planner_patience,
+        recoveries=recoveries,
+        resets=base.max_progress_resets,
+        scale=base.goal_timeout_scale,
+        least_total=base.goal_timeout_min,
+        speed=speed,
+    )
     return Limits(
         planner_frequency=base.planner_frequency,
         planner_patience=base.planner_patience,
@@ -250,4 +274,5 @@ def _limits(base: MoveBaseConfig, recoveries: int) -> Limits:
         oscillation_distance=base.oscillation_distance,
         meeting_period=1.0 / base.meeting_planner_frequency,
         recoveries=recoveries,
+        progress=progress,
     )

@@ -120,6 +120,8 @@ class NavfnSearch:
         guided: bool = False,
     ) -> None:
         self.geometry = geometry  #: geometry of the cells
+        self.costs = costs  #: costs of the cells, uint8, shape (rows, cols)
+        self.weights = weight  #: potential added by crossing a cell of each cost, negative if blocked, shape (256,)
         #: post-processes the path that was found
         self.finish: Callable[[Path], Path] = lambda path: path
         self.follow_cells = False  #: follow the path from cell to cell instead of down the gradient

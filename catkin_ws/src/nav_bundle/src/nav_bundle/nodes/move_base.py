@@ -237,7 +237,7 @@ class MoveBaseNode:
 
     def _cycle(self, now: float) -> None:
         if self._global.update(now):
-            self._navigator.look_around(self._global.pose(now))
+            self._navigator.look_around(self._global.pose(now), now)
         if self._local.update(now) and (picture := self._local.picture(now)):
             self._navigator.look_at(picture)
         goal, idle = self._goals.take(), self._navigator.phase is Phase.IDLE

@@ -19,6 +19,17 @@ _ROOM_FOR_ROBOT = 0.75
 
 
 @dataclass(frozen=True, eq=False)
+class Change:
+    """A change of what stands: it happens once, when the robot comes near a place on its way to a goal."""
+
+    leg: int  #: index of the goal
+    x: float  #: place that the robot comes near [m]
+    y: float
+    distance: float  #: how near [m]
+    hidden: Section  #: what the map does not show from then on, in place of what it did not show before
+
+
+@dataclass(frozen=True, eq=False)
 class Course:
     """One course."""
 
@@ -28,6 +39,8 @@ class Course:
     hidden: Section = EMPTY  #: obstacles that the map does not show
     low: Section = EMPTY  #: obstacles below the laser
     limit: float = 120.0  #: time for all goals [s]
+    changes: tuple[Change, ...] = ()  #: in any order
+    unreachable: frozenset[int] = frozenset()  #: indices of goals that cannot be reached
 
     @property
     def standing(self) -> Section:
@@ -117,12 +130,14 @@ def unreachable() -> Course:
     """Returns a room with a closed chamber that contains the goal."""
     walls = [*room(8.0, 6.0), wall(5.0, 2.0, 7.0, 2.0), wall(5.0, 4.0, 7.0, 4.0)]
     walls += [wall(5.0, 2.0, 5.0, 4.0), wall(7.0, 2.0, 7.0, 4.0)]
-    return Course(tuple(walls), Pose(1.5, 3.0), (Pose(6.0, 3.0),))
+    return Course(tuple(walls), Pose(1.5, 3.0), (Pose(6.0, 3.0),), unreachable=frozenset({0}))
 
 
 def doorstep() -> Course:
     """Returns a room divided by a box below the laser: the goal cannot be reached."""
-    return Course(tuple(room(8.0, 5.0)), Pose(1.5, 2.5), (Pose(6.5, 2.5),), low=box(4.0, 0.0, 4.2, 5.0))
+    low = box(4.0, 0.0, 4.2, 5.0)
+    walls = tuple(room(8.0, 5.0))
+    return Course(walls, Pose(1.5, 2.5), (Pose(6.5, 2.5),), low=low, unreachable=frozenset({0}))
 
 
 def maze(seed: int, legs: int = 4, cells: int = 6) -> Course:

@@ -35,6 +35,8 @@ _ACCELERATION = 4.0
 _HALF_TRACK = 0.165
 _TOUCH = 0.004
 """Gap [m] below which the body counts as touching."""
+_SLOW = 0.2
+"""Speed [m/s] below which driving counts as slow."""
 _CAREFUL = 0.1
 """Gap [m] below which every step of the body is checked for contact."""
 BODY = np.array([[0.20, 0.20], [0.20, -0.20], [-0.30, -0.20], [-0.30, 0.20]])
@@ -46,6 +48,7 @@ class Ride:
     """Results of one course."""
 
     goals: int  #: number of goals
+    reachable: int = 0  #: number of goals that can be reached
     reached: int = 0  #: goals reached
     seconds: float = 0.0  #: simulated [s]
     way: float = 0.0  #: path length driven [m]
@@ -55,6 +58,11 @@ class Ride:
     given_up: tuple[float, ...] = ()  #: time until each aborted goal was given up [s]
     stuck: bool = False  #: whether the time limit was exceeded
     last: str = ""  #: the last warning
+    reasons: tuple[str, ...] = ()  #: why each aborted goal was given up
+    wrongly_given_up: int = 0  #: goals given up although they can be reached
+    turned: float = 0.0  #: sum of all turns [rad]
+    reverse: float = 0.0  #: time driven backwards [s]
+    slow: float = 0.0  #: time below 0.2 m/s [s]
 
     def summary(self) -> str:
         """Returns a summary in one line."""
@@ -69,11 +77,15 @@ class Body:
     """The robot's true pose, wheel odometry, velocity and gap to obstacles."""
 
     def __init__(self, course: Course) -> None:
-        standing = Section.joined([course.standing, course.low])
         self.pose = self.odom = course.start
         self.velocity, self.contacts = STANDSTILL, 0
-        self._segments, self._circles = standing.segments, standing.circles
         self._touches = False
+        self.turned = 0.0
+        self.surround(Section.joined([course.standing, course.low]))
+
+    def surround(self, standing: Section) -> None:
+        """Sets the obstacles."""
+        self._segments, self._circles = standing.segments, standing.circles
         self.gap = self._gap(self.pose)
 
     def _gap(self, pose: Pose) -> float:
@@ -109,6 +121,7 @@ class Body:
                     continue
                 self.gap = gap
             way += abs(self.velocity.x) * _STEP
+            self.turned += abs(self.velocity.turn) * _STEP
             self.pose = moved
         self.gap = self._gap(self.pose)
         return way
@@ -140,10 +153,12 @@ class Rider:
     Args:
         course: the course.
         parameters: of move_base, as ``rospy.get_param("~")`` returns them; any frame names are accepted.
-        seed: of the laser noise.
+        seed: of the laser noise and of the command periods.
+        jitter: how irregular the control loop is: each command period is drawn from the nominal one to
+            ``1 + jitter`` times as long.
     """
 
-    def __init__(self, course: Course, parameters: Mapping[str, Any], seed: int = 0) -> None:
+    def __init__(self, course: Course, parameters: Mapping[str, Any], seed: int = 0, jitter: float = 0.0) -> None:
         setup = setup_from_parameters(parameters, "move_base")
         self._course, self._setup = course, setup
         self.body = Body(course)
@@ -157,25 +172,39 @@ class Rider:
         self._points = np.empty((0, 2))
         self._scanned = self.body.pose, self.body.odom
         self._period = 1.0 / setup.base.controller_frequency
+        self._jitter = jitter
+        self._delays = np.random.default_rng([seed, 1])
+        self._changes = list(course.changes)
         self.now = 0.0
         self._due = dict.fromkeys(("scan", "global", "local"), 0.0)
-        self.ride = Ride(len(course.goals))
+        self.ride = Ride(len(course.goals), len(course.goals) - len(course.unreachable))
         self._command = STANDSTILL
 
     def run(self) -> Ride:
         """Drives to all goals until the course's time limit; returns the results."""
-        for goal in self._course.goals:
-            if not self._drive_to(goal):
+        for leg, goal in enumerate(self._course.goals):
+            if not self._drive_to(goal, leg):
                 break
         self.ride.seconds, self.ride.contacts = self.now, self.body.contacts
+        self.ride.turned = self.body.turned
         return self.ride
 
-    def _drive_to(self, goal: Pose) -> bool:
+    def _change(self, leg: int) -> None:
+        """Carries out the changes that the robot has come near enough for."""
+        for change in list(self._changes):
+            if change.leg == leg and self.body.pose.distance(Pose(change.x, change.y)) < change.distance:
+                self._changes.remove(change)
+                standing = Section.joined([*self._course.walls, change.hidden])
+                self._index = WallIndex(standing)
+                self.body.surround(Section.joined([standing, self._course.low]))
+
+    def _drive_to(self, goal: Pose, leg: int) -> bool:
         """Drives to one goal; returns False if the time limit is exceeded."""
         begun = self.now
         self._look()
         self._take(self.navigator.begin(goal, self.body.pose, self.now))
         while self.now < self._course.limit:
+            self._change(leg)
             self._look()
             pose, odom = self.body.pose, self.body.odom
             sight = Sight(pose, odom, odom.compose(pose.inverse()), self.body.velocity, True)
@@ -187,6 +216,8 @@ class Rider:
                     self.ride.reached += 1
                 else:
                     self.ride.given_up += (waited,)
+                    self.ride.reasons += (result.finish.text,)
+                    self.ride.wrongly_given_up += leg not in self._course.unreachable
                 return True
         self.ride.stuck = True
         return False
@@ -194,12 +225,18 @@ class Rider:
     def _take(self, result: Cycle) -> None:
         """Executes the navigator's command for one period."""
         self._command = self._command if result.command is None else result.command
-        self.ride.way += self.body.drive(self._command, self._period)
+        period = self._period
+        if self._jitter > 0.0:
+            steps = self._delays.uniform(1.0, 1.0 + self._jitter) * self._period / _STEP
+            period = round(steps) * _STEP
+        self.ride.way += self.body.drive(self._command, period)
+        self.ride.reverse += period * (self.body.velocity.x < 0.0)
+        self.ride.slow += period * (abs(self.body.velocity.x) < _SLOW)
         self.ride.clearance = min(self.ride.clearance, self.body.gap)
         self.ride.recoveries += result.recovery is not None
         if result.warnings:
             self.ride.last = result.warnings[-1]
-        self.now += self._period
+        self.now += period
 
     def _is_due(self, name: str, period: float) -> bool:
         due = self.now >= self._due[name] - 1.0e-6
@@ -213,7 +250,7 @@ class Rider:
             self._scan()
         if self._is_due("global", 1.0 / self._setup.global_costmap.update_frequency):
             self._update(self._global, self.body.pose)
-            self.navigator.look_around(self.body.pose)
+            self.navigator.look_around(self.body.pose, self.now)
         if self._is_due("local", 1.0 / self._setup.local_costmap.update_frequency):
             self._update(self._local, self.body.odom)
             self.navigator.look_at(Picture(*self._seen(self._scanned[1])))
@@ -246,9 +283,9 @@ class Rider:
         self._scanned = pose, self.body.odom
 
 
-def ride(course: Course, parameters: Mapping[str, Any], seed: int = 0) -> Ride:
-    """Drives ``course`` and returns the results."""
-    return Rider(course, parameters, seed).run()
+def ride(course: Course, parameters: Mapping[str, Any], seed: int = 0, jitter: float = 0.0) -> Ride:
+    """Drives ``course`` and returns the results; ``jitter`` is that of ``Rider``."""
+    return Rider(course, parameters, seed, jitter).run()
 
 
 def with_changes(parameters: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from nav_bundle.core.costmap.config import CostmapConfig, FleetConfig, InflationConfig, ObstacleConfig, StaticConfig
 from nav_bundle.core.costmap.cost import FREE, LETHAL, UNKNOWN, cells_of_distance
@@ -18,6 +20,9 @@ from nav_bundle.kernels.trajectory import footprint_cost
 _KNOWN = 0.3
 NARROWEST_ROBOT, _WIDEST = 0.32, 0.6
 """Range of the distance between two points on one robot [m]: a Pioneer is 0.4 m wide and 0.5 m long."""
+_JOINED, _TOO_WIDE = 0.3, 1.2
+"""Points less than the first distance [m] apart are on one obstacle; with a diagonal of more than the second it is no
+robot."""
 
 
 class Costmap:
@@ -178,6 +183,17 @@ class Costmap:
         """Returns the highest cost under the robot's footprint at ``pose``: -1 lethal, -2 unknown, -3 off the grid."""
         return footprint_cost(self.cells, self.geometry.place, self.footprint.vertices, pose.x, pose.y, pose.yaw)
 
+    def cost_of_cell(self, x: float, y: float) -> int:
+        """Returns the cost of the cell at ``x, y`` [m]; free outside the grid."""
+        cell = self.geometry.cell_at(x, y)
+        return int(self.cells[cell]) if self.geometry.contains(cell) else FREE
+
+    def marked(self) -> NDArray[np.float64]:
+        """Returns the centres of all cells that sensors have marked as obstacles, shape (n, 2) [m]."""
+        place = self.geometry
+        cells = [np.argwhere(layer.cells == LETHAL)[:, ::-1] + 0.5 for layer in self._obstacles.values()]
+        return np.concatenate([np.empty((0, 2)), *cells]) * place.resolution + (place.origin_x, place.origin_y)
+
     def goal_fault(self, goal: Pose) -> str:
         """Returns why the static map rules out ``goal``; empty if it does not.
 
@@ -205,8 +221,9 @@ class Costmap:
     def unmapped(self, pose: Pose, reach: float, width: float = NARROWEST_ROBOT) -> NDArray[np.float64]:
         """Returns marked obstacles that are not in the map: points (n, 2) [m] within ``reach`` [m] of ``pose``.
 
-        Cells within 0.3 m of a lethal cell of the map count as mapped. Obstacles narrower than ``width`` [m] are left
-        out: they cannot be robots and need not be given way. Empty without a map or with ``reach`` 0.
+        Cells within 0.3 m of a lethal cell of the map count as mapped. Obstacles narrower than ``width`` [m], or much
+        wider than a robot, are left out: they cannot be robots and need not be given way. Empty without a map or with
+        ``reach`` 0.
         """
         if not self._static or self._static[0].cells is None or reach <= 0.0:
             return np.empty((0, 2))
@@ -224,7 +241,22 @@ class Costmap:
         points = cells * place.resolution + (place.origin_x, place.origin_y)
         apart = np.hypot(*(points[:, None, :] - points[None, :, :]).T)
         wide = ((apart > width) & (apart < _WIDEST)).any(axis=0)
+        wide &= _extents(points, apart < _JOINED) < _TOO_WIDE
         return np.ascontiguousarray(points[wide])
+
+
+def _extents(points: NDArray[np.float64], joined: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Returns the diagonal [m] of the box around each point's obstacle, shape (n,).
+
+    Args:
+        points: shape (n, 2) [m].
+        joined: which points are neighbours on the same obstacle, shape (n, n).
+    """
+    count, labels = connected_components(csr_array(joined), directed=False)
+    lowest, highest = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
+    np.minimum.at(lowest, labels, points)
+    np.maximum.at(highest, labels, points)
+    return np.hypot(*(highest - lowest).T)[labels]
 
 
 def _static_layers(config: CostmapConfig) -> list[StaticLayer]:
