@@ -30,6 +30,8 @@ from pioneer_node.core.live import Live, live_values
 from pioneer_node.core.parameter import ParameterError, config_from_mapping, namespace_in
 
 Kind = TypeVar("Kind")
+_LONGEST_FULL_TURN = 35.0
+"""Longest time [s] that a full turn may take for the robot to be allowed one without progress."""
 _FRONT = 0.5
 """Cosine of 60 degrees: obstacles farther to the side do not count as in front."""
 
@@ -64,11 +66,11 @@ class MoveBaseConfig:
     disabled), or whose wheels slip, backs up and starts recovery.
 
     A robot makes progress if its remaining way by the global plan is ``progress_distance`` [m] less than the least so
-    far. Without progress for ``progress_timeout`` [s] (0: disabled) recovery starts; after each recovery behaviour
-    there are ``planner_patience`` seconds more, and after the last one the goal is aborted. Obstacles that are found
-    on the way restart this at most ``max_progress_resets`` times a goal. A goal is also aborted after
-    ``goal_timeout_scale`` (0: never) times the time that its first plan takes at full speed, but not before
-    ``goal_timeout_min`` [s].
+    far. Without progress for ``progress_timeout`` [s] (0: disabled), or the time of a full turn in place at the slowest
+    speed if that is longer, recovery starts. After each recovery behaviour there are ``planner_patience`` seconds more;
+    after the last one the goal is aborted. Obstacles that are found on the way restart this at most
+    ``max_progress_resets`` times a goal. A goal is also aborted after ``goal_timeout_scale`` (0: never) times the time
+    that its first plan takes at full speed, but not before ``goal_timeout_min`` [s].
     """
 
     base_global_planner: Annotated[str, Live()] = "navfn/NavfnROS"
@@ -235,7 +237,7 @@ def setup_from_parameters(parameters: Mapping[str, Any], owner: str) -> Setup:
         name,
         local_planner,
         recoveries,
-        _limits(base, len(recoveries), local_planner.max_vel_x),
+        _limits(base, len(recoveries), local_planner),
     )
 
 
@@ -254,16 +256,25 @@ def _planner(kinds: dict[str, Kind], wanted: str, what: str) -> tuple[str, Kind]
     raise ParameterError(f"{what} {wanted!r} is not available; there are {', '.join(kinds)}")
 
 
-def _limits(base: MoveBaseConfig, recoveries: int, speed: float) -> Limits:
+def _progress_timeout(base: MoveBaseConfig, local_planner: Any) -> float:
+    """Returns the time without progress [s] that suits the robot: a slow one has to be able to turn round."""
+    if base.progress_timeout <= 0.0:
+        return 0.0
+    slowest = float(getattr(local_planner, "min_in_place_vel_theta", local_planner.min_vel_theta))
+    full_turn = math.tau / slowest if slowest > 0.0 else 0.0
+    return max(base.progress_timeout, min(full_turn, _LONGEST_FULL_TURN))
+
+
+def _limits(base: MoveBaseConfig, recoveries: int, local_planner: Any) -> Limits:
     progress = ProgressLimits(
         distance=base.progress_distance,
-        timeout=base.progress_timeout,
+        timeout=_progress_timeout(base, local_planner),
         patience=base.planner_patience,
         recoveries=recoveries,
         resets=base.max_progress_resets,
         scale=base.goal_timeout_scale,
         least_total=base.goal_timeout_min,
-        speed=speed,
+        speed=local_planner.max_vel_x,
     )
     return Limits(
         planner_frequency=base.planner_frequency,

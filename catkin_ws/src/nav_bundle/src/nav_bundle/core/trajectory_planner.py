@@ -26,8 +26,8 @@ _SHORT_ESCAPES = tuple((time, turn) for time in (0.5, 0.3) for turn in (0.0, 0.2
 """Escapes tried if straight back is not free over the whole horizon: duration [s] and turning speed [rad/s]. The
 durations exceed the stopping time."""
 _CIRCLE_RADIUS = 0.5
-"""A robot that has turned in place by more than half a circle accepts any sample that makes progress, whatever its cost,
-until it has moved this far [m]."""
+"""A robot that has turned in place by more than half a circle accepts any sample that makes progress, whatever its
+cost, until it has moved this far [m]."""
 _LONGEST_TURN = 1.15 * math.pi
 """Half a circle leads to every heading: a robot that turns by more than this [rad] looks for what it cannot find."""
 _SHORT_REACH = 0.5
