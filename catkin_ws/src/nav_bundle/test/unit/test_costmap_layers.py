@@ -146,3 +146,114 @@ def test_another_size_of_the_window_holds_at_once() -> None:
     costmap.configure(replace(costmap.config, width=4.0))
     costmap.update(Pose(), ())
     assert costmap.cells.shape == (60, 40)
+
+
+ROOM = grid_from_text(["####", "#..#", "#..#", "####"], 1.0)
+KEEP_OUT = grid_from_text(["....", "...#", "....", "...."], 1.0)
+OTHER_ROOM = grid_from_text(["#####", "#...#", "#####"], 1.0)
+STATIC = StaticConfig(map_topic="map")
+NO_GO = StaticConfig(map_topic="no_go", use_maximum=True)
+SENSING = ObstacleConfig(sources=(LASER,))
+MAPPED = CostmapConfig(footprint=FOOTPRINT, layers=(STATIC, SENSING, NO_GO))
+
+
+def test_each_static_layer_has_the_map_of_its_own_topic() -> None:
+    costmap = Costmap(MAPPED)
+    costmap.set_map(ROOM, "map")
+    assert costmap.missing_maps() == ["no_go"]
+    costmap.set_map(KEEP_OUT, "no_go")
+    assert costmap.ready
+    costmap.update(Pose(1.5, 1.5), ())
+    assert cost_at(costmap, 0.5, 0.5) == LETHAL
+    assert cost_at(costmap, 3.5, 2.5) == LETHAL
+    assert "in an obstacle" in costmap.goal_fault(Pose(3.5, 2.5))
+    costmap.set_map(OTHER_ROOM, "map")
+    costmap.update(Pose(1.5, 1.5), ())
+    assert (costmap.geometry.rows, costmap.geometry.cols) == (3, 5)
+    assert cost_at(costmap, 3.5, 2.5) == LETHAL
+
+
+def test_a_static_layer_that_is_toggled_keeps_its_map_and_a_disabled_one_rules_out_no_goal() -> None:
+    costmap = Costmap(MAPPED)
+    costmap.set_map(ROOM, "map")
+    costmap.set_map(KEEP_OUT, "no_go")
+    off = replace(MAPPED, layers=(replace(STATIC, enabled=False), SENSING, NO_GO))
+    costmap.configure(off)
+    assert costmap.ready
+    costmap.update(Pose(1.5, 1.5), ())
+    assert cost_at(costmap, 0.5, 0.5) == FREE
+    assert costmap.goal_fault(Pose(0.5, 0.5)) == ""
+    costmap.configure(MAPPED)
+    assert costmap.ready
+    costmap.update(Pose(1.5, 1.5), ())
+    assert cost_at(costmap, 0.5, 0.5) == LETHAL
+    assert costmap.goal_fault(Pose(0.5, 0.5)) != ""
+
+
+def test_the_same_map_again_keeps_what_sensors_have_seen() -> None:
+    costmap = Costmap(replace(MAPPED, layers=(STATIC, SENSING)))
+    costmap.set_map(ROOM)
+    costmap.update(Pose(1.5, 1.5), (Observation(LASER, 1.5, 1.5, np.array([[2.6, 2.6]])),))
+    costmap.set_map(grid_from_text(["####", "#..#", "#.##", "####"], 1.0))
+    costmap.update(Pose(1.5, 1.5), ())
+    assert cost_at(costmap, 2.5, 2.5) == LETHAL
+    assert cost_at(costmap, 2.5, 1.5) == LETHAL
+    costmap.set_map(OTHER_ROOM)
+    costmap.update(Pose(1.5, 1.5), ())
+    assert (costmap.cells == LETHAL).sum() == 12
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_costmap_after_any_changes_is_that_of_its_last_configuration_and_maps(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    costmap, config = Costmap(MAPPED), MAPPED
+    maps: dict[str, Grid] = {}
+    pose = Pose(1.5, 1.5)
+    for _ in range(40):
+        change = generator.integers(4)
+        if change == 0:
+            topic = str(generator.choice(["map", "no_go"]))
+            maps[topic] = (ROOM, KEEP_OUT, OTHER_ROOM)[generator.integers(3)]
+            costmap.set_map(maps[topic], topic)
+        elif change == 1:
+            index = int(generator.integers(3))
+            layers = list(config.layers)
+            layers[index] = replace(layers[index], enabled=not layers[index].enabled)
+            config = replace(config, layers=tuple(layers))
+            costmap.configure(config)
+        elif change == 2:
+            config = replace(config, width=float(generator.integers(3, 6)))
+            costmap.configure(config)
+        elif costmap.ready:
+            costmap.update(pose, ())
+        fresh = Costmap(config)
+        for topic, grid in maps.items():
+            fresh.set_map(grid, topic)
+        assert costmap.ready == fresh.ready
+        assert costmap.geometry == fresh.geometry
+        if costmap.ready:
+            fresh.update(pose, ())
+            costmap.update(pose, ())
+            assert np.array_equal(costmap.cells, fresh.cells)
+
+
+def test_obstacles_as_wide_as_a_robot_are_found_as_by_comparing_all_pairs_of_cells() -> None:
+    generator = np.random.default_rng(5)
+    costmap = Costmap(CostmapConfig(layers=(StaticConfig(), SENSING)))
+    costmap.set_map(Grid(0.05, Pose(), np.zeros((100, 100), np.int8)))
+    for _ in range(10):
+        centres = generator.uniform(0.5, 4.5, (3, 2))
+        points = np.concatenate([centre + generator.normal(0.0, 0.12, (12, 2)) for centre in centres])
+        costmap.reset()
+        costmap.update(Pose(2.5, 2.5), (Observation(replace(LASER, clearing=False), 2.5, 2.5, points),))
+        costmap.update(Pose(2.5, 2.5), (Observation(LASER, 2.5, 2.5, points),))
+        found = {tuple(point) for point in costmap.unmapped(Pose(2.5, 2.5), 4.0).round(3).tolist()}
+        cells = (np.argwhere(next(iter(costmap._obstacles.values())).cells == LETHAL)[:, ::-1] + 0.5) * 0.05
+        apart = np.hypot(*(cells[:, None] - cells[None]).T)
+        wide = ((apart > 0.32) & (apart < 0.6)).any(axis=0)
+        joined = apart < 0.3
+        for _ in range(len(cells)):
+            joined = joined @ joined
+        extents = [float(np.hypot(*np.ptp(cells[row], axis=0))) for row in joined]
+        expected = cells[wide & (np.array(extents) < 1.2)]
+        assert found == {tuple(point) for point in expected.round(3).tolist()}

@@ -1,5 +1,6 @@
 """A costmap with its topics: the counterpart of Costmap2DROS."""
 
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple, TypeAlias
 
@@ -24,7 +25,7 @@ from nav_bundle.conversions import (
 from nav_bundle.core.costmap.config import CostmapConfig, FleetConfig, ObstacleConfig, SourceConfig, StaticConfig
 from nav_bundle.core.costmap.cost import occupancy_by_cost
 from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.costmap.geometry import EMPTY
+from nav_bundle.core.costmap.geometry import EMPTY, Geometry
 from nav_bundle.core.costmap.layer import Observation
 from nav_bundle.core.costmap.source import Arrival, Source
 from nav_bundle.core.error import NavigationError
@@ -47,6 +48,11 @@ _SCANS_KEPT, _CLOUDS_KEPT = 50, 12
 def costmap_frame(frame: str) -> str:
     """Returns the tf name of a costmap's global frame: all robots share ``map``, other frames belong to the robot."""
     return _WORLD_FRAME if stripped(frame) == _WORLD_FRAME else robot_frame(frame)
+
+
+def _resolvable(map_topic: str) -> str:
+    """Returns the name of a map's topic: relative, as frames are, but for ``/map``, which all robots share."""
+    return map_topic if map_topic == "/map" else stripped(map_topic)
 
 
 class CostmapNode:
@@ -76,8 +82,8 @@ class CostmapNode:
         self.base_frame = robot_frame(config.robot_base_frame)
         self._config, self._listener = config, listener
         listener.listen(self.frame, self.base_frame)
-        self._new_map: Grid | None = None
-        self._map_topic, self._map_frame = "", self.frame
+        self._new_maps: dict[str, Grid] = {}  # by the topic in the parameters
+        self._map_frames: dict[str, str] = {}
         self._scans: dict[tuple[str, str], Newest[Seen]] = {}
         self._others: tuple[FleetConfig, ...] = ()
         self._sources: list[_Input] = []
@@ -93,6 +99,7 @@ class CostmapNode:
         self._footprint_publisher = rospy.Publisher(f"~{name}/footprint", PolygonStamped, queue_size=1)
         self._updated, self._published = -np.inf, -np.inf
         self._changed = EMPTY
+        self._shown: Geometry | None = None  # of the last whole costmap published
         self._values = occupancy_by_cost()
 
     def configure(self, config: CostmapConfig) -> None:
@@ -127,29 +134,33 @@ class CostmapNode:
             self._sources.append(_Input(source, frame, scans, known.get(source) or Source(source)))
 
     def _subscribe_map(self) -> None:
-        for layer in self._config.layers:
-            if isinstance(layer, StaticConfig):
-                self._map_topic = stripped(layer.map_topic) if layer.map_topic != "/map" else layer.map_topic
-                rospy.Subscriber(self._map_topic, GridMessage, self._on_map, queue_size=1)
+        """Subscribes to the map of each static layer, enabled or not; layers may share one."""
+        layers = [layer for layer in self._config.layers if isinstance(layer, StaticConfig)]
+        for topic in dict.fromkeys(layer.map_topic for layer in layers):
+            self._map_frames[topic] = self.frame
+            rospy.Subscriber(_resolvable(topic), GridMessage, partial(self._on_map, topic), queue_size=1)
 
-    def _on_map(self, message: GridMessage) -> None:
+    def _on_map(self, topic: str, message: GridMessage) -> None:
         try:
-            self._new_map = grid_from_message(message)
+            grid = grid_from_message(message)
         except NavigationError as error:
-            rospy.logerr("%s: %s", rospy.resolve_name(self._map_topic), error)
+            rospy.logerr("%s: %s", rospy.resolve_name(_resolvable(topic)), error)
             return
-        self._map_frame = costmap_frame(message.header.frame_id or _WORLD_FRAME)
+        self._map_frames[topic] = costmap_frame(message.header.frame_id or _WORLD_FRAME)
+        self._new_maps[topic] = grid
+
+    def _missing_maps(self) -> list[str]:
+        """Returns the topics of the maps that enabled layers still wait for."""
+        return [topic for topic in self.costmap.missing_maps() if topic not in self._new_maps]
 
     @property
     def has_map(self) -> bool:
-        """Whether a map has arrived, if the costmap needs one."""
-        return self.costmap.ready or self._new_map is not None
+        """Whether all maps that the costmap needs have arrived."""
+        return not self._missing_maps()
 
     def missing(self, now: float) -> list[str]:
         """Returns descriptions of the inputs that the costmap still waits for."""
-        found = []
-        if not self.has_map:
-            found.append(f"the map on {rospy.resolve_name(self._map_topic)}")
+        found = [f"the map on {rospy.resolve_name(_resolvable(topic))}" for topic in self._missing_maps()]
         if self.pose(now) is None:
             found.append(f"a transform from {self.base_frame} to {self.frame}")
         return found
@@ -193,18 +204,18 @@ class CostmapNode:
 
         Returns whether it was updated.
         """
-        if self._new_map is not None:
-            grid, self._new_map = self._new_map, None
-            self.costmap.set_map(grid)
-            self._listener_flag.arrived = True
+        while self._new_maps:
+            topic, grid = self._new_maps.popitem()
+            self.costmap.set_map(grid, topic)
         due = now - self._updated >= 1.0 / self._config.update_frequency - 1.0e-6 or now < self._updated
         if not self.costmap.ready or not (due or forced):
             return False
-        pose, map_place = self.pose(now), self._map_place()
-        if pose is None or map_place is None:
+        pose = self.pose(now)
+        map_places = self._map_places()
+        if pose is None or map_places is None:
             return False
         self._updated = now
-        changed = self.costmap.update(pose, self._observations(now), self._other_robots(now), map_place)
+        changed = self.costmap.update(pose, self._observations(now), self._other_robots(now), map_places)
         self._changed = self._changed.joined(changed)
         self._publish(now, pose)
         return True
@@ -228,17 +239,19 @@ class CostmapNode:
             source.scans.forget()
             source.source.forget()
 
-    def _map_place(self) -> Pose | None:
-        """Returns the pose of the map's frame in the costmap's; None if a rolling window lacks the transform."""
-        if not (self._config.rolling_window and self._map_topic):
-            return Pose()
+    def _map_places(self) -> dict[str, Pose] | None:
+        """Returns the poses of the maps' frames in the costmap's; None if a rolling window lacks a transform."""
+        if not self._config.rolling_window:
+            return {}
+        places = {}
         try:
-            place = self._listener.lookup(self.frame, self._map_frame).planar()
+            for topic, frame in self._map_frames.items():
+                places[topic] = self._listener.lookup(self.frame, frame).planar()
         except TransformError as error:
             self._unplaced.warn(f"{self.name}: the map cannot be placed: {error}")
             return None
         self._unplaced.end()
-        return place
+        return places
 
     def _other_robots(self, now: float) -> list[Pose]:
         """Returns the poses of the other robots that are known and recent."""
@@ -292,8 +305,9 @@ class CostmapNode:
         if not self._grid_publisher.get_num_connections():
             return
         whole = self._listener_flag.arrived or self._config.always_send_full_costmap or self._config.rolling_window
-        if whole:
+        if whole or self._shown != self.costmap.geometry:
             self._listener_flag.arrived = False
+            self._shown = replace(self.costmap.geometry)
             self._grid_publisher.publish(self.grid_of(self._values[self.costmap.cells], now))
         elif changed and self._update_publisher.get_num_connections():
             part = self.costmap.cells[changed.slices]

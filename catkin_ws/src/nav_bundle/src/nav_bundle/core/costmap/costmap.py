@@ -1,12 +1,13 @@
 """A layered costmap that recomputes only the cells that changed."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 from nav_bundle.core.costmap.config import CostmapConfig, FleetConfig, InflationConfig, ObstacleConfig, StaticConfig
 from nav_bundle.core.costmap.cost import FREE, LETHAL, UNKNOWN, cells_of_distance
@@ -34,7 +35,9 @@ class Costmap:
     def __init__(self, config: CostmapConfig) -> None:
         self.config = config  #: the current parameters
         self.footprint = config.outline()  #: the robot's padded footprint
-        self._static = _static_layers(config)
+        # By index in the configuration; disabled ones, too, so that they have their maps when they are enabled.
+        self._static: dict[int, StaticLayer] = {}
+        self._keep_maps()
         self._obstacles: dict[int, ObstacleLayer] = {}  # by index in the configuration
         self._fleet: list[FleetLayer] = []
         self._layers: list[StaticLayer | ObstacleLayer | FleetLayer | InflationLayer] = []
@@ -55,12 +58,10 @@ class Costmap:
         """Applies another configuration; keeps map and obstacles unless size or resolution change."""
         before, self.config = self.config, config
         self.footprint = config.outline()
-        static = _static_layers(config)
-        if [layer.config for layer in static] != [layer.config for layer in self._static]:
-            self._static = static
+        self._keep_maps()
         shaped = ("width", "height", "resolution", "origin_x", "origin_y")
         changed = any(getattr(config, name) != getattr(before, name) for name in shaped)
-        if changed and (config.rolling_window or not self._static):
+        if changed and (config.rolling_window or self._map_geometry() is None):
             self._resize(self._own_geometry())
         else:
             self._make_layers()
@@ -70,17 +71,55 @@ class Costmap:
         """Cost of a cell without any observation."""
         return UNKNOWN if self.config.track_unknown_space else FREE
 
+    def _keep_maps(self) -> None:
+        """Takes the static layers of the configuration; each keeps its map if it would convert it to the same costs."""
+        known = self._static
+        self._static = {}
+        for index, config in enumerate(self.config.layers):
+            if isinstance(config, StaticConfig):
+                layer = known.get(index)
+                if layer is None or replace(layer.config, enabled=config.enabled) != config:
+                    layer = StaticLayer(config)
+                layer.config = config
+                self._static[index] = layer
+
+    @property
+    def _maps(self) -> list[StaticLayer]:
+        """The enabled static layers that have a map."""
+        return [layer for layer in self._static.values() if layer.config.enabled and layer.place is not None]
+
+    def _map_geometry(self) -> Geometry | None:
+        """Returns the geometry of the first static layer's map; None without a map."""
+        places = [layer.place for layer in self._static.values() if layer.place is not None]
+        return replace(places[0]) if places else None
+
+    def missing_maps(self) -> list[str]:
+        """Returns the topics of enabled static layers that have no map yet."""
+        layers = self._static.values()
+        return [layer.config.map_topic for layer in layers if layer.config.enabled and layer.place is None]
+
     @property
     def ready(self) -> bool:
-        """True once every static layer has its map."""
-        return all(layer.place is not None for layer in self._static)
+        """True once every enabled static layer has its map."""
+        return not self.missing_maps()
 
-    def set_map(self, grid: Grid) -> None:
-        """Sets the static map. A costmap that does not roll also takes its size and resolution, and drops obstacles."""
-        for layer in self._static:
-            layer.set_map(grid)
-            if layer.place is not None and not self.config.rolling_window:
-                self._resize(replace(layer.place))
+    def set_map(self, grid: Grid, topic: str | None = None) -> None:
+        """Sets the map of the static layers that read ``topic``; None: of all.
+
+        A costmap that does not roll takes size and resolution of the first static layer's map. It drops its obstacles
+        only if that changes them.
+        """
+        for layer in self._static.values():
+            if topic is None or layer.config.map_topic == topic:
+                layer.set_map(grid)
+        geometry = self._map_geometry()
+        if self.config.rolling_window or geometry is None:
+            return
+        if geometry != self.geometry:
+            self._resize(geometry)
+        for layer in self._static.values():
+            layer.fit(geometry)
+        self._pending = self.geometry.everything
 
     def _resize(self, geometry: Geometry) -> None:
         self.geometry = geometry
@@ -95,7 +134,7 @@ class Costmap:
         for index, config in enumerate(self.config.layers):
             if not config.enabled:
                 continue
-            layer = self._layer(config)
+            layer = self._layer(index, config)
             if isinstance(layer, ObstacleLayer):
                 self._obstacles[index] = layer
                 if index in known:
@@ -105,10 +144,10 @@ class Costmap:
         self._margin = max([layer.radius for layer in self._layers if isinstance(layer, InflationLayer)], default=0)
         self._pending = self.geometry.everything
 
-    def _layer(self, config: object) -> "StaticLayer | ObstacleLayer | FleetLayer | InflationLayer":
+    def _layer(self, index: int, config: object) -> "StaticLayer | ObstacleLayer | FleetLayer | InflationLayer":
         match config:
             case StaticConfig():
-                return self._static[0]
+                return self._static[index]
             case InflationConfig():
                 return InflationLayer(config, self.footprint, self.geometry.resolution)
             case FleetConfig():
@@ -122,7 +161,7 @@ class Costmap:
         pose: Pose,
         observations: Sequence[Observation],
         others: Sequence[Pose] = (),
-        here_from_map: Pose | None = None,
+        here_from_map: Pose | Mapping[str, Pose] | None = None,
     ) -> Window:
         """Updates the costs; returns the window of cells that may have changed.
 
@@ -130,13 +169,13 @@ class Costmap:
             pose: the robot's pose in the costmap's frame; a rolling window is centred on it.
             observations: the current observations of each source, in the costmap's frame.
             others: other robots' poses in the costmap's frame, for the fleet layer.
-            here_from_map: pose of the map's frame in the costmap's, for a map in a rolling window; default identity.
+            here_from_map: pose of the map's frame in the costmap's, for maps in a rolling window; if it is not the same
+                for all, by topic of the map. Default: identity.
         """
         changed, self._pending = self._pending, EMPTY
         if self.config.rolling_window:
             moved = self._centre(pose)
-            laid = [layer.lie(self.geometry, here_from_map or Pose()) for layer in self._static if layer.place]
-            if moved or any(laid):
+            if self._lie(here_from_map or Pose()) or moved:
                 changed = self.geometry.everything
         outline = self.footprint.outline(pose)
         for layer in self._obstacles.values():
@@ -148,6 +187,15 @@ class Costmap:
             self.cells[changed.slices] = self._default
             for merged in self._layers:
                 merged.merge(self.cells, changed)
+        return changed
+
+    def _lie(self, here_from_map: Pose | Mapping[str, Pose]) -> bool:
+        """Lays the maps into the window; returns whether any cell of them changed."""
+        changed = False
+        for layer in self._static.values():
+            if layer.place is not None:
+                own = here_from_map if isinstance(here_from_map, Pose) else here_from_map[layer.config.map_topic]
+                changed = layer.lie(self.geometry, own) or changed
         return changed
 
     def _centre(self, pose: Pose) -> bool:
@@ -200,7 +248,7 @@ class Costmap:
         Obstacles seen only by sensors do not count, since they may move away. A costmap that rolls or has no map
         rules out no goal.
         """
-        if self.config.rolling_window or not self._static or self._static[0].cells is None:
+        if self.config.rolling_window or not self._maps:
             return ""
         place, radius = self.geometry, self.footprint.inscribed_radius
         row, col = cell = place.cell_at(goal.x, goal.y)
@@ -211,7 +259,10 @@ class Costmap:
         reach = int(radius / place.resolution)
         part = place.window_around(cell, reach)
         rows, cols = np.ogrid[part.row_0 - row : part.row_1 - row, part.col_0 - col : part.col_1 - col]
-        lethal = self._static[0].cells[part.slices] == LETHAL
+        lethal = np.zeros((part.row_1 - part.row_0, part.col_1 - part.col_0), bool)
+        for layer in self._maps:
+            assert layer.cells is not None
+            lethal |= layer.cells[part.slices] == LETHAL
         if not np.any(lethal & (rows**2 + cols**2 <= reach**2)):
             return ""
         return (
@@ -225,7 +276,7 @@ class Costmap:
         wider than a robot, are left out: they cannot be robots and need not be given way. Empty without a map or with
         ``reach`` 0.
         """
-        if not self._static or self._static[0].cells is None or reach <= 0.0:
+        if not self._maps or reach <= 0.0:
             return np.empty((0, 2))
         place, margin = self.geometry, cells_of_distance(reach, self.geometry.resolution)
         part = place.window_around(place.cell_at(pose.x, pose.y), margin)
@@ -236,29 +287,28 @@ class Costmap:
             seen |= layer.cells[part.slices] == LETHAL
         if not seen.any():
             return np.empty((0, 2))
-        seen &= ~self._static[0].near(part, cells_of_distance(_KNOWN, place.resolution))
+        for mapped in self._maps:
+            seen &= ~mapped.near(part, cells_of_distance(_KNOWN, place.resolution))
         cells = np.argwhere(seen)[:, ::-1] + (part.col_0 + 0.5, part.row_0 + 0.5)
         points = cells * place.resolution + (place.origin_x, place.origin_y)
-        apart = np.hypot(*(points[:, None, :] - points[None, :, :]).T)
-        wide = ((apart > width) & (apart < _WIDEST)).any(axis=0)
-        wide &= _extents(points, apart < _JOINED) < _TOO_WIDE
+        tree = KDTree(points)
+        within = [tree.query_ball_point(points, distance, return_length=True) for distance in (width, _WIDEST)]
+        wide = within[1] > within[0]  # there is a point at a distance between the two
+        wide &= _extents(points, tree) < _TOO_WIDE
         return np.ascontiguousarray(points[wide])
 
 
-def _extents(points: NDArray[np.float64], joined: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _extents(points: NDArray[np.float64], tree: KDTree) -> NDArray[np.float64]:
     """Returns the diagonal [m] of the box around each point's obstacle, shape (n,).
 
     Args:
-        points: shape (n, 2) [m].
-        joined: which points are neighbours on the same obstacle, shape (n, n).
+        points: shape (n, 2) [m]; points less than ``_JOINED`` apart are on the same obstacle.
+        tree: the same points.
     """
-    count, labels = connected_components(csr_array(joined), directed=False)
+    pairs = tree.query_pairs(_JOINED, output_type="ndarray")
+    joined = coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
+    count, labels = connected_components(joined, directed=False)
     lowest, highest = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
     np.minimum.at(lowest, labels, points)
     np.maximum.at(highest, labels, points)
     return np.hypot(*(highest - lowest).T)[labels]
-
-
-def _static_layers(config: CostmapConfig) -> list[StaticLayer]:
-    """Returns the first static layer, if any; further ones are ignored."""
-    return [StaticLayer(layer) for layer in config.layers if isinstance(layer, StaticConfig)][:1]

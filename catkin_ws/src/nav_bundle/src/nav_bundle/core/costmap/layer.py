@@ -97,6 +97,15 @@ class StaticLayer:
             costs = _sampled(costs, grid.origin, grid.resolution, self.place)
         self.cells = self._map = costs
 
+    def fit(self, geometry: Geometry) -> None:
+        """Resamples the map into a costmap that does not roll and has the geometry of another map."""
+        if self._map is None or self.place is None:
+            return
+        self.cells = self._map
+        if self.place != geometry:
+            self.cells = None
+            self.lie(geometry, Pose())
+
     def lie(self, geometry: Geometry, here_from_map: Pose) -> bool:
         """Resamples the map into a rolling costmap; returns whether any cell changed.
 
