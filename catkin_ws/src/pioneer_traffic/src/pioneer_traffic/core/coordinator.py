@@ -19,7 +19,7 @@ from pioneer_traffic.core.config import CoordinatorConfig
 from pioneer_traffic.core.geometry import Point, distance_to_segment
 from pioneer_traffic.core.neighbours import Neighbours, comes_by, ground_wanted, hear_each_other, is_ready
 from pioneer_traffic.core.planning import planned
-from pioneer_traffic.core.report import Plan, PlanId, Report
+from pioneer_traffic.core.report import Plan, PlanId, Report, Wait
 from pioneer_traffic.core.roadmap import Roadmap
 
 
@@ -73,18 +73,15 @@ class Coordinator:
 
     def obstruction(self) -> str:
         """Returns why the robot waits, naming the robots that have to pass first or stand in the way."""
-        own = self._own
-        path = self._plan.paths.get(own.robot, ())
+        path = self._plan.paths.get(self._own.robot, ())
         if not path:
-            outside = sorted(self._neighbours.reports)
-            return f"no place is free, among {', '.join(outside)}," if outside else "no plan includes the robot"
-        waits = (wait for wait in self._plan.waits if wait.robot == own.robot and wait.step == self._taken + 1)
+            return self._neighbours.exclusion()
+        waits = self._waits(self._taken + 1)
         ahead = path[self._taken + 1] if self._taken + 1 < len(path) else -1
         first = sorted({wait.other for wait in waits if not self._has_left(wait.other, wait.other_step, ahead)})
         if first:
             return f"waits for {', '.join(first)}, which did not move,"
-        aside = sorted(set(self._neighbours.reports) - set(self._plan.paths))
-        return f"no way leads past {', '.join(aside)}" if aside else "the right of way found no way to the goal"
+        return self._neighbours.obstruction(self._plan)
 
     def set_waypoint(self, waypoint: Point | None, now: float) -> bool:
         """Sets the waypoint, None for none; returns False if it is in a wall, or no place of the roadmap is near."""
@@ -92,13 +89,10 @@ class Coordinator:
         self._own = replace(self._own, goal=-1, region=())
         if waypoint is None:
             return True
-        goal = next(self._roadmap.entries(waypoint), None)
+        goal = next(self._roadmap.exits(waypoint, 0.5 * self._config.reach), None)
         if goal is None or not self._roadmap.is_free(waypoint):
             return False
-        region: frozenset[int] = frozenset()
-        if math.dist(self._roadmap.places[goal], waypoint) > 0.5 * self._config.reach:
-            region = self._roadmap.near(self._roadmap.places[goal], waypoint, goal)
-        self._own = replace(self._own, goal=goal, since=now, region=tuple(sorted(region)))
+        self._own = replace(self._own, goal=goal[0], since=now, region=goal[1])
         self._waypoint = waypoint
         self._held = False
         return True
@@ -143,6 +137,7 @@ class Coordinator:
         self._strays = (*self._obstacles, *self._neighbours.strays())
         if not self._held:
             self._enter_if_left_out()
+        self._avoid_occupied_ground(fresh)
         self._progress()
         self._make_plan_if_due(fresh, now)
         self._follow_newest(fresh)
@@ -260,6 +255,20 @@ class Coordinator:
             return False
         return distance_to_segment(self._own.position, self._place(1), self._place(2)) <= self._config.reach
 
+    def _avoid_occupied_ground(self, fresh: dict[str, Report]) -> None:
+        """Leaves the roadmap for the waypoint elsewhere if a robot that takes no part stands near the nearest place."""
+        own = self._own
+        if self._waypoint is None or own.out or own.robot not in self._plan.paths:
+            return
+        taking_part = {report.robot for report in fresh.values() if report.held}
+        barred = self._neighbours.barred(taking_part, self._obstacles)
+        if barred.isdisjoint((own.goal, *own.region)):
+            return
+        for place, region in self._roadmap.exits(self._waypoint, 0.5 * self._config.reach):
+            if barred.isdisjoint((place, *region)):
+                self._own = replace(own, goal=place, region=region)
+                return
+
     def _make_plan_if_due(self, fresh: dict[str, Report], now: float) -> None:
         """Makes a plan if this robot is the planner and the last plan no longer fits."""
         config = self._config
@@ -270,7 +279,7 @@ class Coordinator:
         reports = self._partners(fresh)
         if not reports or self._own.robot != min(report.robot for report in reports):
             return
-        barred = self._barred({report.robot for report in reports})
+        barred = self._neighbours.barred({report.robot for report in reports}, self._obstacles)
         made_for = repr(([(one.robot, one.goal, one.out and one.goal != one.stop) for one in reports], sorted(barred)))
         # A robot that leaves its goal to let others pass wants no ground until it is back: that plan still fits.
         wanted, before = {one.robot: ground_wanted(one) for one in reports}, self._wanted
@@ -307,13 +316,6 @@ class Coordinator:
         )
         return driven and missing and now - self._made_at > self._config.lease
 
-    def _barred(self, partners: set[str]) -> frozenset[int]:
-        """Returns the places near robots that are lost or never took part."""
-        outsiders = [report for name, report in self._neighbours.reports.items() if name not in partners]
-        points = [*self._obstacles, *(self._neighbours.standing_at(report) for report in outsiders)]
-        near = (self._roadmap.near(point, point) for point in points)
-        return frozenset[int]().union(*near, *(report.held for report in outsiders))
-
     def _follow_newest(self, fresh: dict[str, Report]) -> None:
         """Becomes ready for the newest plan, and adopts it once all its robots are ready."""
         plans = [report.plan for report in (self._own, *fresh.values()) if report.plan is not None]
@@ -341,7 +343,7 @@ class Coordinator:
         held = self._held_outside(fresh)
         while self._taken + 1 < len(path) and len(self._track) <= self._config.horizon and not self._own.out:
             index = self._taken + 1
-            waits = (wait for wait in self._plan.waits if wait.robot == self._own.robot and wait.step == index)
+            waits = self._waits(index)
             if path[index] in held or not all(self._has_left(*wait[2:], path[index]) for wait in waits):
                 return
             way = self._roadmap.places[path[index - 1]], self._roadmap.places[path[index]]
@@ -350,6 +352,9 @@ class Coordinator:
             self._taken = index
             self._track.append(path[index])
             self._publish_held()
+
+    def _waits(self, step: int) -> list[Wait]:
+        return [wait for wait in self._plan.waits if wait.robot == self._own.robot and wait.step == step]
 
     def _held_outside(self, fresh: dict[str, Report]) -> set[int]:
         """Returns the places held by robots outside the plan."""
@@ -365,13 +370,8 @@ class Coordinator:
         Robots outside the plan may have claimed some of them since.
         """
         own, plan = self._own, self._plan
-        if (
-            self._waypoint is None
-            or self.finished
-            or own.out
-            or not own.has_arrived
-            or not self._is_near(self._place(0))
-        ):
+        has_waypoint = self._waypoint is not None and not self.finished
+        if not has_waypoint or own.out or not own.has_arrived or not self._is_near(self._place(0)):
             return
         if not own.region:
             self.finished = True

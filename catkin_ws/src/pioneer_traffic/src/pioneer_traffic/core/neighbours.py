@@ -1,7 +1,7 @@
 """What one robot knows of the others: their reports, who is lost, and who is an obstacle where it stands."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 
 from pioneer_traffic.core.config import CoordinatorConfig
@@ -63,6 +63,23 @@ class Neighbours:
     def need_room(self, plan: Plan, held: Collection[int]) -> bool:
         """Returns whether a robot in the plan cannot reach its goal by it, or only over places that are held."""
         return any(_needs_room(report, plan, held) for report in self.of(plan))
+
+    def barred(self, partners: Collection[str], obstacles: Iterable[Point]) -> frozenset[int]:
+        """Returns the places near robots that are lost or take no part, and near ``obstacles``."""
+        outsiders = [report for name, report in self.reports.items() if name not in partners]
+        points = [*obstacles, *(self.standing_at(report) for report in outsiders)]
+        near = (self._roadmap.near(point, point) for point in points)
+        return frozenset[int]().union(*near, *(report.held for report in outsiders))
+
+    def obstruction(self, plan: Plan) -> str:
+        """Returns what blocks the way of a robot that waits for no other by the plan."""
+        aside = sorted(set(self.reports) - set(plan.paths))
+        return f"no way leads past {', '.join(aside)}" if aside else "the right of way found no way to the goal"
+
+    def exclusion(self) -> str:
+        """Returns why a robot is in no plan."""
+        names = ", ".join(sorted(self.reports))
+        return f"no place is free, among {names}," if names else "no plan includes the robot"
 
     def strays(self) -> list[Point]:
         """Returns the positions of robots that are away from what they hold, or that hold nothing."""

@@ -210,6 +210,17 @@ class Roadmap:
             if self._sees(point, self.places[place]):
                 yield place
 
+    def exits(self, point: Point, reach: float) -> Iterator[tuple[int, tuple[int, ...]]]:
+        """Yields places at which a robot can leave the roadmap for a point, the nearest first, and the region of each.
+
+        A region is empty if the place is within ``reach`` [m] of the point.
+        """
+        for place in self.entries(point):
+            region: frozenset[int] = frozenset()
+            if math.dist(self.places[place], point) > reach:
+                region = self.near(self.places[place], point, place)
+            yield place, tuple(sorted(region))
+
     def _sees(self, start: Point, end: Point) -> bool:
         """Returns whether the way is free; a robot nearer to a wall than allowed may still move away from it."""
         if self.space is None:
