@@ -60,12 +60,12 @@ def wait_for_page(url, check=lambda: None, context=None):
 
 
 @contextmanager
-def served(folder, robots=2, rate=100, parameters=(), scheme="http", context=None):
+def served(folder, robots=2, rate=100, parameters=(), scheme="http", context=None, variables=()):
     """Yields a page with ``parameters``, served for a stand-in with ``robots`` robots and odometry at ``rate``."""
     with Master() as master, PortReservation() as ports, ProcessGroup() as group:
         port = ports.take(18090)
         tokens = {"PIONEER_WEB_TOKEN": TOKEN, "PIONEER_WEB_VIEWER_TOKEN": VIEWER}
-        environment = {**master.environment, **tokens}
+        environment = {**master.environment, **tokens, **dict(variables)}
         stand_in = [sys.executable, str(STAND_IN), str(robots), str(rate), "180"]
         group.start("robots", stand_in, environment, folder / "robots.log")
         page = [

@@ -3,6 +3,7 @@
 import itertools
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import rospy
@@ -46,7 +47,8 @@ class Commander:
     Calls: services of /gazebo.
     Subscribes for each patrolling robot: map_goal_client/queue.
 
-    Threads: one publishes zeros while a robot is held; rospy's override every motion command with a zero at once.
+    Threads: one publishes zeros while a robot is held; one subscribes to held robots' commands; rospy's override every
+    motion command with a zero at once.
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -72,6 +74,7 @@ class Commander:
         self._changed = threading.Condition()
         self._publishers: dict[str, dict[str, rospy.Publisher]] = {}
         self._guards: dict[str, rospy.Subscriber] = {}
+        self._registering = ThreadPoolExecutor(1, "guards")
         threading.Thread(target=self._hold, name="hold", daemon=True).start()
 
     def add(self, robots: Sequence[Robot]) -> None:
@@ -178,17 +181,23 @@ class Commander:
             self._publish(name, "move_base/cancel", GoalID())
         with self._changed:
             self._changed.notify()
-        for name in robots:
-            if name not in self._guards:
+        # The master may answer late, and the next stop must not wait for it.
+        self._registering.submit(self._update_guards)
+        return f"{', '.join(robots)} stopped and held"
+
+    def _update_guards(self) -> None:
+        """Subscribes to the commands of held robots, and ends the subscriptions of the others."""
+        for name, robot in self._robots.items():
+            if robot.held and name not in self._guards:
                 topic = f"/{name}/pioneer/cmd_vel"
                 self._guards[name] = rospy.Subscriber(topic, Twist, self._on_command, name, queue_size=1)
-        return f"{', '.join(robots)} stopped and held"
+            elif not robot.held and name in self._guards:
+                self._guards.pop(name).unregister()
 
     def _release(self, robots: Sequence[str]) -> str:
         for name in robots:
             self._robots[name].held = False
-            if name in self._guards:
-                self._guards.pop(name).unregister()
+        self._registering.submit(self._update_guards)
         return f"{', '.join(robots)} released"
 
     def _on_command(self, message: Twist, robot: str) -> None:

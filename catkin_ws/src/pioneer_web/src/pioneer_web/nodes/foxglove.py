@@ -10,7 +10,6 @@ from typing import Any
 
 import genpy
 import rosgraph.names
-import roslib.message
 import rospy
 from fastapi import WebSocket, WebSocketDisconnect
 
@@ -28,6 +27,7 @@ from pioneer_web.core.wire import (
     response_frame,
     rows,
 )
+from pioneer_web.nodes.message_class import known_class, message_class, service_class
 from tcpros.adapters.client import Client, ClientError, Connection
 
 LOOK_EVERY = 1.0
@@ -38,6 +38,9 @@ EXPIRED = 4401
 """WebSocket close code: the session has expired."""
 BACKLOG = 200
 """Queue size for a slow client [messages]; further messages are dropped."""
+LONGEST_REQUEST = 1 << 18
+"""Maximum length of a client's JSON request [characters]."""
+READ_ONLY = "this token is read-only"
 _SCHEMA = "ros1msg"
 _CAPABILITIES = ["clientPublish", "services"]
 
@@ -99,6 +102,19 @@ class Visitor:
     def may_act(self) -> bool:
         """Whether the client may publish and call services."""
         return bool(self.socket.scope["role"] >= Role.OPERATOR)
+
+    def subscribe(self, number: int, channel: int) -> None:
+        """Subscribes to a channel under a number of the client's; ignores a channel that is gone.
+
+        Raises:
+            WireError: the client is subscribed to it already. Else one client could multiply a topic's traffic.
+        """
+        topic = next((topic for topic, known in self.channels.items() if known == channel), None)
+        if topic is None:
+            return
+        if topic in self.subscriptions.values():
+            raise WireError(f"{topic} is subscribed already")
+        self.subscriptions[number] = topic
 
     def send(self, frame: bytes | dict[str, Any]) -> None:
         """Queues a frame for sending; drops it if the queue is full."""
@@ -180,19 +196,21 @@ class Foxglove:
             raise WebSocketDisconnect
         try:
             if event.get("bytes") is not None:
-                await self._frame(visitor, frame_from_client(event["bytes"]))
+                self._frame(visitor, frame_from_client(event["bytes"]))
+            elif len(event["text"]) > LONGEST_REQUEST:
+                raise WireError(f"a request has at most {LONGEST_REQUEST} characters")
             else:
                 await self._request(visitor, *request_from_text(event["text"]))
         except WireError as error:
             visitor.complain(str(error))
 
     async def _request(self, visitor: Visitor, op: str, fields: Mapping[str, Any]) -> None:
+        if op == "advertise" and not visitor.may_act:
+            raise WireError(READ_ONLY)
         match op:
             case "subscribe":
-                topics = {number: topic for topic, number in visitor.channels.items()}
                 for one in rows(fields, "subscriptions", id=int, channelId=int):
-                    if one["channelId"] in topics:
-                        visitor.subscriptions[one["id"]] = topics[one["channelId"]]
+                    visitor.subscribe(one["id"], one["channelId"])
                 self._follow()
             case "unsubscribe":
                 for number in numbers(fields, "subscriptionIds"):
@@ -207,16 +225,21 @@ class Foxglove:
                         publisher.unregister()
 
     async def _advertise(self, visitor: Visitor, channel: Mapping[str, Any]) -> None:
-        kind = _class_of(channel["schemaName"])
-        if not visitor.may_act:
-            raise WireError("this token is read-only")
+        kind = await asyncio.to_thread(message_class, channel["schemaName"])
         if kind is None or channel.get("encoding", ENCODING) != ENCODING:
-            raise WireError(f"{channel['topic']}: cannot publish {channel['schemaName']} encoded other than {ENCODING}")
+            raise WireError(
+                f"{channel['topic'][:80]}: cannot publish {channel['schemaName'][:80]} encoded other than {ENCODING}"
+            )
         if not rosgraph.names.is_legal_name(channel["topic"]) or not channel["topic"].startswith("/"):
             raise WireError(f"{channel['topic'][:80]!r} is not a topic's name")
         visitor.publishers[channel["id"]] = await asyncio.to_thread(_publisher, channel["topic"], kind)
 
-    async def _frame(self, visitor: Visitor, frame: Message | Call) -> None:
+    def _frame(self, visitor: Visitor, frame: Message | Call) -> None:
+        if not visitor.may_act:
+            if isinstance(frame, Call):
+                visitor.send(_failure(frame, READ_ONLY))
+                return
+            raise WireError(READ_ONLY)
         if isinstance(frame, Call):
             asyncio.get_running_loop().create_task(self._call(visitor, frame))
             return
@@ -231,14 +254,11 @@ class Foxglove:
     async def _call(self, visitor: Visitor, call: Call) -> None:
         names = {number: name for name, number in visitor.services.items()}
         try:
-            if not visitor.may_act:
-                raise WireError("this token is read-only")
             if call.service not in names:
                 raise WireError("no such service")
             visitor.send(response_frame(call, await asyncio.to_thread(self._called, names[call.service], call.body)))
         except (WireError, ClientError, OSError) as error:
-            numbered = {"serviceId": call.service, "callId": call.number}
-            visitor.send({"op": "serviceCallFailure", **numbered, "message": str(error)})
+            visitor.send(_failure(call, str(error)))
 
     def _called(self, name: str, body: bytes) -> bytes:
         with self._client.service(name, "*") as connection:
@@ -261,7 +281,7 @@ class Foxglove:
         types = dict(self._client.ask_master("getTopicTypes"))
         mine = rospy.get_name()
         nodes = {topic: set(who) - {mine} for topic, who in publishers if set(who) - {mine}}
-        topics = {topic: types[topic] for topic in nodes if _class_of(types.get(topic, "")) is not None}
+        topics = {topic: types[topic] for topic in nodes if message_class(types.get(topic, "")) is not None}
         known = self._state[2]
         kinds = {name: known.get(name) or self._service_type(name) for name, _ in services if "logger" not in name}
         return topics, nodes, {name: kind for name, kind in kinds.items() if kind}
@@ -272,7 +292,7 @@ class Foxglove:
                 kind = connection.header.get("type", "")
         except (ClientError, OSError):
             return ""
-        return kind if roslib.message.get_service_class(kind) is not None else ""
+        return kind if service_class(kind) is not None else ""
 
     def _announce(self, visitor: Visitor) -> None:
         """Sends a client the topics and services that are new, and the topics that are gone."""
@@ -295,11 +315,11 @@ class Foxglove:
         return self._numbers.setdefault((kind, name), len(self._numbers) + 1)
 
     def _channel(self, topic: str, kind: str) -> dict[str, Any]:
-        schema = {"schemaName": kind, "schemaEncoding": _SCHEMA, "schema": _class_of(kind)._full_text}
+        schema = {"schemaName": kind, "schemaEncoding": _SCHEMA, "schema": known_class(kind)._full_text}
         return {"id": self._number("topic", topic), "topic": topic, "encoding": ENCODING, **schema}
 
     def _service(self, name: str, kind: str) -> dict[str, Any]:
-        found = roslib.message.get_service_class(kind)
+        found = service_class(kind)
         halves = {"request": found._request_class, "response": found._response_class}
         schemas = {
             half: {"encoding": ENCODING, "schemaName": one._type, "schemaEncoding": _SCHEMA, "schema": one._full_text}
@@ -329,6 +349,10 @@ class Foxglove:
                     visitor.send(message_frame(number, stamp, body))
 
 
+def _failure(call: Call, reason: str) -> dict[str, Any]:
+    return {"op": "serviceCallFailure", "serviceId": call.service, "callId": call.number, "message": reason}
+
+
 class _Listeners(rospy.SubscribeListener):
     def __init__(self) -> None:
         super().__init__()
@@ -347,10 +371,3 @@ def _publisher(topic: str, kind: Any) -> rospy.Publisher:
     publisher = rospy.Publisher(topic, kind, subscriber_listener=listeners, queue_size=20)
     listeners.arrived.wait(CONNECTING)
     return publisher
-
-
-def _class_of(kind: str) -> Any:
-    try:
-        return roslib.message.get_message_class(kind)
-    except ValueError:  # not of the form PACKAGE/TYPE
-        return None

@@ -1,5 +1,6 @@
 """Authentication for everything that is served: sessions, tokens, origins."""
 
+import asyncio
 import http.cookies
 import time
 from collections.abc import Mapping
@@ -9,10 +10,15 @@ from starlette.responses import HTMLResponse, Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from pioneer_web.core.access import Access, Role, same_origin
+from pioneer_web.nodes.pace import EVENT, PAGE, Pace
 
 LOGIN, LOGOUT = "/login", "/logout"
 LONGEST_LOGIN = 1000
 """Maximum size of a login request [bytes]."""
+LOGIN_LIMIT = 10.0
+"""Time-out for a login's body [s]."""
+_EVENTS = "/_nicegui_ws"
+"""Path of the connection with the events of a page's elements."""
 _POLICY = {"X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY", "Referrer-Policy": "no-referrer"}
 
 
@@ -30,6 +36,7 @@ class Guard:
     def __init__(self, app: ASGIApp, access: Access, login_page: str, port: int, encrypted: bool) -> None:
         self._app, self._access, self._login_page, self._encrypted = app, access, login_page, encrypted
         self.cookie = f"pioneer_{port}"
+        self._pace = Pace()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serves one request or connection."""
@@ -58,7 +65,21 @@ class Guard:
             return
         scope["role"] = role
         scope["still"] = (lambda: True) if bearer else lambda: self._access.role(session, time.monotonic()) is not None
+        if role < Role.OPERATOR:
+            await self._pace.turn(PAGE if scope["path"] == "/" else EVENT if scope["path"].startswith(_EVENTS) else 1.0)
+            if scope["type"] == "websocket":
+                receive = self._paced(receive, EVENT if scope["path"].startswith(_EVENTS) else 1.0)
         await self._app(scope, receive, _with_policy(send))
+
+    def _paced(self, receive: Receive, cost: float) -> Receive:
+        """Returns ``receive`` for a viewer's connection: all viewers' frames together are limited in rate."""
+
+        async def received() -> Any:
+            message = await receive()
+            await self._pace.turn(cost)
+            return message
+
+        return received
 
     def _session(self, headers: Mapping[str, str]) -> str:
         try:
@@ -76,10 +97,10 @@ class Guard:
         return self._access.role_of_token(token) if path == "/foxglove" else None
 
     async def _login(self, receive: Receive) -> Response:
-        body, more = b"", True
-        while more and len(body) <= LONGEST_LOGIN:
-            message = await receive()
-            body, more = body + message.get("body", b""), message.get("more_body", False)
+        try:
+            body = await asyncio.wait_for(_body(receive), LOGIN_LIMIT)
+        except TimeoutError:
+            return Response("the login is incomplete", 408)
         session = self._access.login(body[:LONGEST_LOGIN].decode(errors="replace").strip(), time.monotonic())
         if session is None:
             return Response("unknown token", 401)
@@ -94,6 +115,17 @@ class Guard:
             await send({"type": "websocket.close", "code": 4401})
             return
         await HTMLResponse(self._login_page, 401, _POLICY)(scope, receive, send)
+
+
+async def _body(receive: Receive) -> bytes:
+    """Returns a request's body, at most a little more than the maximum size of a login."""
+    body = b""
+    more = True
+    while more and len(body) <= LONGEST_LOGIN:
+        message = await receive()
+        body += message.get("body", b"")
+        more = message.get("more_body", False)
+    return body
 
 
 def _with_policy(send: Send) -> Send:

@@ -1,9 +1,12 @@
 """The dashboard page: NiceGUI builds the layout, ``static/fleet.js`` draws the data from the WebSocket ``/live``."""
 
 import asyncio
+import functools
 import json
-import subprocess
+import os
+import signal
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import rospy
@@ -13,6 +16,7 @@ from nicegui import ui
 from pioneer_description.core.fleet_view import turned
 from pioneer_description.nodes.rviz_snapshot import TEMPLATE
 from pioneer_web.nodes.camera import image_topics, next_image
+from pioneer_web.nodes.shared_call import SharedCalls
 
 DOCTOR_LIMIT = 60.0
 """Time-out for the examination of all gateways [s]."""
@@ -29,7 +33,13 @@ _LOG = """<select id="least" aria-label="least severity"><option value="info">al
 _SLIDER = '<label id="replay" hidden>Replay <input type="range" min="0" step="0.1"><span></span></label>'
 LOOK_AGAIN = 0.3
 """Interval between two camera images [s]."""
+_LOOKS = 4
+"""Number of camera images that are awaited at the same time."""
 _ACTIONS = (("pause", "pause"), ("resume", "play_arrow"), ("step", "skip_next"), ("reset", "restart_alt"))
+
+
+_shared = SharedCalls()
+_looking = ThreadPoolExecutor(_LOOKS, "camera")
 
 
 def colours(count: int) -> list[str]:
@@ -118,7 +128,7 @@ def _tabs() -> None:
 
 async def _camera() -> None:
     """Shows live camera images while the dialog is open."""
-    topics = await asyncio.to_thread(image_topics)
+    topics = await _shared.result(image_topics, functools.partial(_look, image_topics))
     with ui.dialog(value=True) as dialog, ui.card().classes("camera"):
         words = ui.label("" if topics else "There are no camera images (sensor_msgs/Image) on this master.")
         chosen = ui.select(topics, value=topics[0] if topics else None).props("dense options-dense")
@@ -126,7 +136,8 @@ async def _camera() -> None:
 
         async def look() -> None:
             try:
-                picture.set_source(await asyncio.to_thread(next_image, chosen.value))
+                topic = chosen.value
+                picture.set_source(await _shared.result(topic, functools.partial(_look, next_image, topic)))
                 words.set_text("")
             except (rospy.ROSException, ValueError) as error:
                 words.set_text(str(error))
@@ -142,7 +153,7 @@ async def _doctor() -> None:
     with ui.dialog(value=True) as dialog, ui.card():
         ui.label("What keeps gateways from working").classes("text-h6")
         waiting = ui.spinner()
-        findings = await asyncio.to_thread(_examine)
+        findings = await _shared.result(_examine, _examine)
         waiting.delete()
         for one in findings:
             ui.label(f"{one['level']}: {one['what']}").classes(f"finding {one['level']}")
@@ -151,10 +162,30 @@ async def _doctor() -> None:
         ui.button("Close", on_click=dialog.close).props("dense")
 
 
-def _examine() -> list[dict[str, Any]]:
-    command = ["rosrun", "rocon_gateway", "doctor", "--json"]
+async def _look(call: Callable[..., Any], *arguments: Any) -> Any:
+    """Calls a function that waits for the master or a camera in a thread that commands do not need."""
+    return await asyncio.get_running_loop().run_in_executor(_looking, call, *arguments)
+
+
+async def _examine() -> list[dict[str, Any]]:
+    """Runs the doctor, as a process that ends with its time-out."""
+    command = ("rosrun", "rocon_gateway", "doctor", "--json")
+    pipe, null = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=DOCTOR_LIMIT, check=False)
-        return list(json.loads(done.stdout)["findings"])
-    except (subprocess.TimeoutExpired, ValueError) as error:
-        return [{"level": "fault", "what": f"the doctor does not answer: {error}", "fix": ""}]
+        process = await asyncio.create_subprocess_exec(*command, stdout=pipe, stderr=null, start_new_session=True)
+    except OSError as error:
+        return _no_answer(str(error))
+    try:
+        text, _ = await asyncio.wait_for(process.communicate(), DOCTOR_LIMIT)
+        return list(json.loads(text)["findings"])
+    except TimeoutError:
+        return _no_answer(f"timed out after {DOCTOR_LIMIT:.0f} s")
+    except (ValueError, KeyError, TypeError) as error:
+        return _no_answer(str(error))
+    finally:
+        if process.returncode is None:
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+def _no_answer(reason: str) -> list[dict[str, Any]]:
+    return [{"level": "fault", "what": f"the doctor does not answer: {reason}", "fix": ""}]

@@ -5,6 +5,7 @@ import contextlib
 import ssl
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from pioneer_web.core.access import Access, Role
 from pioneer_web.core.command import CommandError, command_from_text
 from pioneer_web.core.stream import Stream
 from pioneer_web.nodes import page
+from pioneer_web.nodes.admission import Admission, admitted_protocol
 from pioneer_web.nodes.commander import Commander
 from pioneer_web.nodes.feed import BEAT, Feed
 from pioneer_web.nodes.figures import figures
@@ -83,6 +85,8 @@ class Server:
         self._stream, self._viewers = Stream(), set[Viewer]()
         self._wanted_until, self._woken = 0.0, asyncio.Event()
         self.foxglove = Foxglove()
+        # A stop waits for no other command, and commands wait for nothing that viewers ask for.
+        self._stops, self._commands = ThreadPoolExecutor(1, "stop"), ThreadPoolExecutor(8, "command")
         app = FastAPI(lifespan=self._lifespan, docs_url=None, redoc_url=None, openapi_url=None)
         app.mount("/static", StaticFiles(directory=static))
         app.mount("/recordings", StaticFiles(directory=commander.recording.folder, check_dir=False))
@@ -97,7 +101,7 @@ class Server:
         self._uvicorn = _Uvicorn(
             uvicorn.Config(
                 guard, host, port, log_level="warning", access_log=False, ws_per_message_deflate=False,
-                ws_max_size=1 << 20, server_header=False, proxy_headers=False,
+                ws_max_size=1 << 20, server_header=False, proxy_headers=False, http=admitted_protocol(Admission()),
                 ssl_certfile=certificate, ssl_keyfile=key, timeout_graceful_shutdown=1,
                 ssl_version=ssl.PROTOCOL_TLS_SERVER, ssl_context_factory=_without_tickets if certificate else None,
             )
@@ -136,7 +140,7 @@ class Server:
             self._feed.beat()
             await asyncio.sleep(TAKEN_IN)
             if self._viewers:
-                self._send()
+                await self._send()
             await asyncio.sleep(max(0.01, BEAT - (time.monotonic() - began)))
 
     def _want(self, seconds: float) -> None:
@@ -147,11 +151,15 @@ class Server:
     def _is_wanted(self) -> bool:
         return bool(self._viewers) or time.monotonic() < self._wanted_until
 
-    def _send(self) -> None:
+    def _values(self) -> tuple[list[str], dict[str, Any]]:
+        """Returns the robots' names and all values. Waits for the feed's lock, so not for the event loop."""
         self._feed.station.recording = self._commander.recording.file
         with self._feed.lock:
             names = [robot.name for robot in self._feed.station.robots]
-            values = self._feed.station.values(time.monotonic())
+            return names, self._feed.station.values(time.monotonic())
+
+    async def _send(self) -> None:
+        names, values = await asyncio.to_thread(self._values)
         if len(names) != len(self._colours):
             self._colours = dict(zip(names, page.colours(len(names)), strict=True))
         values["fleet"] = self._colours
@@ -187,10 +195,12 @@ class Server:
 
     async def _answer(self, text: str, role: Role) -> dict[str, Any]:
         try:
-            command = command_from_text(text, [robot.name for robot in self._feed.station.robots])
             if role < Role.OPERATOR:
                 raise CommandError("this session is read-only")
-            return {"good": True, "text": await asyncio.to_thread(self._commander.do, command)}
+            command = command_from_text(text, [robot.name for robot in self._feed.station.robots])
+            executor = self._stops if command.do == "stop" else self._commands
+            loop = asyncio.get_running_loop()
+            return {"good": True, "text": await loop.run_in_executor(executor, self._commander.do, command)}
         except CommandError as error:
             return {"good": False, "text": str(error)}
 
@@ -199,9 +209,11 @@ class Server:
 
     async def _metrics(self, _: Request) -> Response:
         self._want(SCRAPED)
+        return Response(await asyncio.to_thread(self._figures), media_type="text/plain; version=0.0.4")
+
+    def _figures(self) -> bytes:
         with self._feed.lock:
-            text = figures(self._feed.station, len(self._viewers), time.monotonic())
-        return Response(text, media_type="text/plain; version=0.0.4")
+            return figures(self._feed.station, len(self._viewers), time.monotonic())
 
 
 def _without_tickets(_: uvicorn.Config, default: Callable[[], ssl.SSLContext]) -> ssl.SSLContext:

@@ -1,0 +1,25 @@
+"""Limits the rate at which clients that may only look use the server, so that commands are executed at once."""
+
+import asyncio
+import time
+
+RATE, BURST = 200.0, 60.0
+"""Requests and frames of all viewers together: maximum rate [1/s], and number that may arrive at once."""
+PAGE, EVENT = 60.0, 4.0
+"""Cost of building a page and of an event of its elements, in units of a simple request."""
+
+
+class Pace:
+    """A token bucket; those who find it empty wait. For one event loop."""
+
+    def __init__(self, rate: float = RATE, burst: float = BURST) -> None:
+        self._rate = rate
+        self._ahead = burst / rate
+        self._free_at = 0.0
+
+    async def turn(self, cost: float = 1.0) -> None:
+        """Waits until a request of this cost may be handled."""
+        now = time.monotonic()
+        self._free_at = max(self._free_at, now - self._ahead) + cost / self._rate
+        if self._free_at > now:
+            await asyncio.sleep(self._free_at - now)
