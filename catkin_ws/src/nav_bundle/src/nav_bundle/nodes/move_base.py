@@ -31,7 +31,7 @@ from nav_bundle.core.move_base import Phase, StartRecovery
 from nav_bundle.core.move_base_config import Setup, setup_from_parameters
 from nav_bundle.core.navfn import NavfnSearch
 from nav_bundle.core.navigator import Cycle, Navigator, Sight
-from nav_bundle.core.planner import GoalOutsideError, NoPathError, Path, PlannerError, Search, path_between
+from nav_bundle.core.planner import GoalOutsideError, NoPathError, Path, PlannerError, Search
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.transform import TransformError
 from nav_bundle.nodes.costmap import CostmapNode
@@ -44,6 +44,8 @@ from pioneer_node.nodes import entry
 from pioneer_node.nodes.standing_warning import StandingWarning
 
 _COMPLAIN_EVERY = 5.0
+_CELLS_AT_ONCE = 50_000
+"""Cells that a service's search visits at once, about 2 ms: the loop waits for the interpreter as long."""
 _BUSY = "move_base must be in an inactive state to make a plan for an external user"
 _NO_START = "move_base cannot make a plan for you because it could not get the start pose of the robot"
 
@@ -350,31 +352,36 @@ class MoveBaseNode:
             self._recovery_status.publish(RecoveryStatus(place, index, count, reason))
 
     def _make_plan_if_idle(self, request: GetPlanRequest) -> GetPlanArrayResponse:
-        with self._turn:
-            if self._goals.active:
-                raise rospy.ServiceException(_BUSY)
-            return self._make_plan(request)
+        if self._goals.active:
+            raise rospy.ServiceException(_BUSY)
+        return self._make_plan(request)
 
     def _make_plan(self, request: GetPlanRequest) -> GetPlanArrayResponse:
-        """Plans for a service client; the plan is empty if the goal cannot be reached."""
-        with self._turn:
-            try:
-                path = self._plan_for(request)
-            except (NoPathError, GoalOutsideError) as error:
-                rospy.logwarn("make_plan: %s", error)
-                path = np.empty((0, 3))
-            except (PlannerError, TransformError, MessageError) as error:
-                raise rospy.ServiceException(str(error)) from error
-            return GetPlanArrayResponse(PathMessage(path, self._global.frame, rospy.Time.now()))
+        """Plans for a service client; the plan is empty if the goal cannot be reached. The loop runs meanwhile."""
+        try:
+            path = self._plan_for(request)
+        except (NoPathError, GoalOutsideError) as error:
+            rospy.logwarn("make_plan: %s", error)
+            path = np.empty((0, 3))
+        except (PlannerError, TransformError, MessageError) as error:
+            raise rospy.ServiceException(str(error)) from error
+        return GetPlanArrayResponse(PathMessage(path, self._global.frame, rospy.Time.now()))
 
     def _plan_for(self, request: GetPlanRequest) -> Path:
         check_numbers("make_plan", request)
-        here = self._global.pose(rospy.get_time())
-        start = self._goals.in_global_frame(request.start) if request.start.header.frame_id else here
-        if start is None:
-            raise PlannerError(_NO_START)
+        start = self._goals.in_global_frame(request.start) if request.start.header.frame_id else None
         goal = self._goals.in_global_frame(request.goal)
-        return path_between(self._navigator.planner, self._global.costmap, start, goal, request.tolerance)
+        with self._turn:
+            start = start or self._global.pose(rospy.get_time())
+            if start is None:
+                raise PlannerError(_NO_START)
+            search = self._navigator.planner.search(self._global.costmap, start, goal, request.tolerance)
+        path = None
+        while path is None:
+            if rospy.is_shutdown():
+                raise PlannerError("move_base is shutting down")
+            path = search.advance(_CELLS_AT_ONCE)
+        return path
 
     def _clear_costmaps(self, _: EmptyRequest) -> EmptyResponse:
         with self._turn:

@@ -166,7 +166,7 @@ class GoalServer:
             return None
         target = self._server.accept_new_goal().target_pose
         try:
-            goal = self.in_global_frame(target)
+            goal = self.in_global_frame(target, patience=0.0)
         except TransformError as error:  # the transform was available when the goal arrived
             rospy.logerr("%s", error)
             self._server.set_aborted(MoveBaseResult(), str(error))
@@ -188,8 +188,12 @@ class GoalServer:
             return _INVALID if isinstance(error, GoalError) else str(error)
         return ""
 
-    def in_global_frame(self, pose: PoseStamped) -> Pose:
+    def in_global_frame(self, pose: PoseStamped, patience: float = 1.0) -> Pose:
         """Returns a pose in the global frame, using the newest transform; an empty frame means the global frame.
+
+        Args:
+            pose: a pose in any frame.
+            patience: how long to wait for the transform [s, wall time]; 0 in the loop, which must not wait.
 
         Raises:
             TransformError: there is no transform into the global frame.
@@ -200,7 +204,7 @@ class GoalServer:
         fault: TransformError | None = None
         for candidate in _candidates(pose.header.frame_id):
             try:
-                transform = self._listener.wait(self._frame, candidate, None, 1.0)
+                transform = self._listener.wait(self._frame, candidate, None, patience)
                 return transform.planar().compose(pose_from_message(pose.pose))
             except TransformError as error:
                 fault = fault or error
