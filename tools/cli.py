@@ -13,8 +13,10 @@ COMMANDS = (
 
 
 def main(words: Sequence[str]) -> int:
-    """Runs one of the subcommands ``help`` and ``unknown``; returns the exit status."""
+    """Runs one of the subcommands ``help``, ``check`` and ``unknown``; returns the exit status."""
     match words:
+        case ["check", command, *arguments]:
+            return check(command, arguments)
         case ["unknown", command]:
             print(f"pioneer: {unknown(command)}", file=sys.stderr)
             return 2
@@ -48,13 +50,55 @@ def show_help(command: str) -> None:
 
         bench()
     else:
-        from pioneer_demo.core.option import CONFIGS, Machine
-        from pioneer_demo.core.study_option import experiment_config
+        parse(command, ["--help"])
 
-        worlds = (SOURCE / "pioneer_gazebo_ros" / "pioneer_gazebo" / "worlds").glob("*.world")
-        machine = Machine(dict.fromkeys(sorted(path.stem for path in worlds), 1), 0, 1.0)
-        config = experiment_config if command == "experiment" else CONFIGS[command]
-        config(["--help"], machine)
+
+def check(command: str, arguments: Sequence[str]) -> int:
+    """Checks a command's options before the set-up, so that nobody waits for it to learn of a typo.
+
+    Returns:
+        The exit status: 0, or 2 after one line about the first wrong option.
+    """
+    if command == "replay":
+        from pioneer_fleet.core.replay_option import parser
+
+        file = parser().parse_args(arguments).file
+        if not file.is_file():
+            print(f"pioneer replay: there is no file {file}", file=sys.stderr)
+            return 2
+        return 0
+    from pioneer_demo.core.error import OptionError
+
+    try:
+        parse(command, arguments)
+    except OptionError as error:
+        print(f"pioneer {command}: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def parse(command: str, arguments: Sequence[str]) -> None:
+    """Parses the options of a command that starts fleets.
+
+    Raises:
+        OptionError: an option is wrong.
+    """
+    from pioneer_demo.adapters.world_folder import place_count, places_by_world
+    from pioneer_demo.core.error import OptionError
+    from pioneer_demo.core.option import CONFIGS, Machine
+    from pioneer_demo.core.study_option import experiment_config
+
+    stack = SOURCE / "pioneer_gazebo_ros"
+    poses = stack / "pioneer_description" / "config"
+    places = places_by_world(stack / "pioneer_gazebo" / "map", poses)
+    # The robots in a fleet's or a scenario's file are counted once YAML can be read.
+    machine = Machine(places, place_count(poses), 1.0, names_of=lambda _: ("robot",))
+    if command != "experiment":
+        CONFIGS[command](arguments, machine)
+        return
+    study = experiment_config(arguments, machine).study
+    if not study.is_file():
+        raise OptionError(f"there is no study {study}")
 
 
 if __name__ == "__main__":

@@ -18,6 +18,16 @@ def run(*words: str) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(command, capture_output=True, text=True, timeout=HANGS, check=False)
 
 
+def bare(folder: Path, *words: str) -> "subprocess.CompletedProcess[str]":
+    """Runs ``./pioneer`` in a checkout without set-up."""
+    (folder / "pioneer").write_text((ROOT / "pioneer").read_text())
+    (folder / "tools").symlink_to(ROOT / "tools")
+    (folder / "catkin_ws").mkdir()
+    (folder / "catkin_ws" / "src").symlink_to(ROOT / "catkin_ws" / "src")
+    command = ["bash", folder / "pioneer", *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=HANGS, check=False)
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_help_with_a_sentence_and_an_example(command: str) -> None:
     done = run(command, "--help")
@@ -29,17 +39,50 @@ def test_every_command_has_help_with_a_sentence_and_an_example(command: str) -> 
 
 
 @pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        ("demo --bogus", "pioneer demo: unrecognized arguments: --bogus (see ./pioneer demo --help)"),
+        ("demo --world utm0", "not 'utm0'; did you mean utm_0?"),
+        ("demo --robots 0", "pioneer demo: --robots must be 1 to 15 in closed_maze, not 0"),
+        ("demo --robots two", "pioneer demo: argument --robots: invalid int value: 'two'"),
+        ("demo --waypoints 0", "pioneer demo: --waypoints must be 1 to 50, not 0"),
+        ("demo --limit -1", "pioneer demo: --limit must be 0 (in proportion to the way) or more seconds, not -1"),
+        ("demo --video film", "pioneer demo: --video must name a file such as run.mp4, not 'film'"),
+        ("demo --rtf -1", "pioneer demo: --rtf must be 0 (as fast as possible) or more, not -1"),
+        ("demo --rtf 1 --lockstep", "--rtf and --lockstep both say how fast time passes: give one of them"),
+        ("demo --seed -1", "pioneer demo: --seed must be 0 to 2147483647, not -1"),
+        ("fleet --record run.txt", "--record must name a file such as run.mcap or run.bag, not 'run.txt'"),
+        ("fleet --robots 2 --fleet f.yaml", "--robots and --fleet both say how many robots there are"),
+        ("fleet --world", "pioneer fleet: argument --world: expected one argument"),
+        ("fleet --robot 2", "pioneer fleet: unrecognized arguments: --robot 2"),
+        ("run-scenario", "pioneer run-scenario: the following arguments are required: FILE"),
+        ("run-scenario head_on --robots 3", "pioneer run-scenario: unrecognized arguments: --robots 3"),
+        ("experiment", "pioneer experiment: the following arguments are required: STUDY"),
+        ("experiment none.yaml", "pioneer experiment: there is no study none.yaml"),
+        ("experiment none.yaml --runs -2", "pioneer experiment: --runs must be 0 (as in the file) or more, not -2"),
+        ("experiment none.yaml --jobs 0", "pioneer experiment: --jobs must be 1 to 1000, not 0"),
+        ("replay", "the following arguments are required: FILE"),
+        ("replay none.mcap", "pioneer replay: there is no file none.mcap"),
+        ("replay none.mcap --rate fast", "argument --rate: invalid float value: 'fast'"),
+        ("setup now", "setup takes no arguments (got now)"),
+        ("run", "run needs a command: ./pioneer run rostopic list"),
+    ],
+)
+def test_a_mistake_is_one_line_before_any_set_up(tmp_path: Path, words: str, text: str) -> None:
+    done = bare(tmp_path, *words.split())
+    assert done.returncode != 0
+    assert text in done.stderr
+    assert "set-up" not in done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / ".setup").exists()
+
+
+@pytest.mark.parametrize(
     "command", ["demo", "fleet", "test", "bench", "run", "shell", "setup", "package", "docs", "up"]
 )
 def test_help_needs_no_set_up(tmp_path: Path, command: str) -> None:
     """Help needs Python's standard library and a checkout, but no tools that set-up installs."""
-    (tmp_path / "pioneer").write_text((ROOT / "pioneer").read_text())
-    (tmp_path / "tools").symlink_to(ROOT / "tools")
-    (tmp_path / "catkin_ws").mkdir()
-    (tmp_path / "catkin_ws" / "src").symlink_to(ROOT / "catkin_ws" / "src")
-    done = subprocess.run(
-        ["bash", tmp_path / "pioneer", command, "--help"], capture_output=True, text=True, timeout=HANGS, check=False
-    )
+    done = bare(tmp_path, command, "--help")
     assert done.returncode == 0, done.stderr
     assert not (tmp_path / ".setup").exists()
 

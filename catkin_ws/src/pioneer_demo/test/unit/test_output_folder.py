@@ -1,5 +1,6 @@
 """Each output folder belongs to one running command."""
 
+import dataclasses
 import os
 import subprocess
 import sys
@@ -10,7 +11,7 @@ import pytest
 from pioneer_demo.adapters.output_folder import FolderLock
 from pioneer_demo.core.error import FolderInUseError, OptionError
 from pioneer_demo.core.option import DemoConfig, FleetConfig
-from pioneer_demo.nodes.main import _made_output
+from pioneer_demo.nodes.main import _check_files, _made_output
 from pioneer_node.core.fleet_file import RobotEntry
 
 HOLDER = """
@@ -79,3 +80,12 @@ def test_a_given_folder_in_use_is_refused(tmp_path: Path) -> None:
     config = FleetConfig(log=tmp_path / "logs")
     with FolderLock(config.log), pytest.raises(OptionError, match=r"--log: .*logs is in use by process"):
         _made_output(config)
+
+
+def test_a_recording_replaces_a_file_only_when_told_to(tmp_path: Path) -> None:
+    config = FleetConfig(record=tmp_path / "run.mcap")
+    _check_files(config)
+    (tmp_path / "run.mcap").touch()
+    with pytest.raises(OptionError, match=r"--record: there is a file .*run\.mcap; --force replaces it"):
+        _check_files(config)
+    _check_files(dataclasses.replace(config, force=True))

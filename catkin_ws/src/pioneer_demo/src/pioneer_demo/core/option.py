@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import difflib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -33,6 +34,7 @@ class FleetConfig:
     names: tuple[str, ...] = ("pioneer1", "pioneer2")  #: the robots' names, in order
     traffic: bool = False  #: whether the robots coordinate right of way
     record: Path | None = None  #: file for a recording of all masters' topics; None for none
+    force: bool = False  #: whether the recording may replace a file
     web: bool = False  #: whether to serve the web dashboard
     token: str = ""  #: login token of the dashboard
     entries: tuple[RobotEntry, ...] = ()  #: the robots of a scenario; written as the fleet file
@@ -249,7 +251,9 @@ def check_fleet(robots: int, world: str, places: Mapping[str, int], places_elsew
     """
     if world not in places and (places_elsewhere is None or not _is_path(world)):
         file = "" if places_elsewhere is None else ", or a .world file"
-        raise OptionError(f"--world must be one of {', '.join(places)}{file}, not '{world}'")
+        near = difflib.get_close_matches(world, places, 1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        raise OptionError(f"--world must be one of {', '.join(places)}{file}, not '{world}'{hint}")
     name = _map_name(world)
     most = places.get(name, places_elsewhere or 0)
     if not 1 <= robots <= most:
@@ -307,6 +311,7 @@ def _add_common(parser: Parser, worlds: Sequence[str]) -> None:
 def _add_record(parser: Parser) -> None:
     parser.add_argument("--record", type=Path, metavar="FILE",
         help="record the topics of all masters, .mcap or .bag (./pioneer replay FILE)")  # fmt: skip
+    parser.add_argument("--force", action="store_true", help="let --record replace a file")
 
 
 def _fleet_parser(worlds: Sequence[str]) -> Parser:

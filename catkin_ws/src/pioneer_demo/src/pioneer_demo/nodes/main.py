@@ -145,6 +145,8 @@ def _check_files(config: FleetConfig) -> None:
         encoder()
     if config.record is not None:
         _check_folder("--record", config.record.parent)
+        if config.record.exists() and not config.force:
+            raise OptionError(f"--record: there is a file {config.record}; --force replaces it")
 
 
 def _made_output(config: FleetConfig) -> tuple[FleetConfig, FolderLock]:
