@@ -180,3 +180,21 @@ def test_a_transform_that_is_not_finite_is_dropped_alone(number: float) -> None:
 def test_a_quaternion_without_length_is_refused() -> None:
     assert "length 1" in fault_of("a", "b", Transform(rotation=(0.0, 0.0, 0.0, 0.0)))
     assert fault_of("a", "b", Transform()) == ""
+
+
+@pytest.mark.parametrize("parent", ["odom_combined", "/odom", "map"])
+def test_a_frame_with_a_new_parent_is_followed(parent: str) -> None:
+    picker = TransformPicker(pytest.fail)
+    picker.watch({"base_link", "odom"})
+    assert picker.pick(serialised(("odom", "base_link", 1)))
+    picked = [picker.pick(serialised((parent, "base_link", x))) for x in range(40)]
+    assert picked[-1] == [record(stripped(parent), "base_link", 39)]
+    assert all(picked[20:])
+
+
+def test_a_frame_that_is_also_the_parent_of_others_is_not_parsed_for_them() -> None:
+    picker = TransformPicker(pytest.fail)
+    picker.watch({"base_link"})
+    for _ in range(50):
+        assert picker.pick(serialised(("odom", "base_link", 1)))
+        assert not picker._concerns(serialised(("base_link", "wheel", 1)))

@@ -19,6 +19,9 @@ _STAMP = struct.Struct("<II")
 _LENGTH = struct.Struct("<I")
 _BODY = struct.Struct("<7d")
 
+_MISSES = 20
+"""Number of messages after which the parent of a watched frame is looked for again."""
+
 Refuse = Callable[[str], None]
 """Called with one line for each message or transform that cannot be used."""
 
@@ -99,7 +102,8 @@ class TransformPicker:
     """Extracts the transforms of watched child frames from serialised messages.
 
     A message is parsed only if it contains the (parent, child) bytes of a child whose parent is known, or the name
-    of a watched child whose parent is not. Not thread-safe.
+    of a watched child whose parent is not. A child that comes without its known parent, in ``_MISSES`` messages in a
+    row, has a new one, or is only another frame's parent in them: it is parsed by name again. Not thread-safe.
 
     Args:
         refuse: called with one line for each message and each watched transform that is dropped.
@@ -109,18 +113,37 @@ class TransformPicker:
         self._refuse = refuse
         self._children: set[bytes] = set()
         self._needles: dict[str, bytes] = {}
+        self._names: dict[str, bytes] = {}
+        self._misses: dict[str, int] = {}
 
     def watch(self, children: Iterable[str]) -> None:
         """Watches ``children`` from now on, and learns their parents again, since a child may be reparented."""
-        self._needles = {child: child.encode() for child in children}
-        self._children = {spelling for name in self._needles.values() for spelling in (name, b"/" + name)}
+        self._names = {child: child.encode() for child in children}
+        self._needles = dict(self._names)
+        self._misses = dict.fromkeys(self._names, 0)
+        self._children = {spelling for name in self._names.values() for spelling in (name, b"/" + name)}
 
     def pick(self, buffer: bytes) -> list[StampedTransform]:
         """Returns the watched transforms in a serialised message; an empty list if it does not parse."""
-        if not any(needle in buffer for needle in self._needles.values()):
+        if not self._concerns(buffer):
             return []
         picked = []
         for names, record in _records(buffer, self._refuse, self._children):
             self._needles[record.child] = names
+            self._misses[record.child] = 0
             picked.append(record)
         return picked
+
+    def _concerns(self, buffer: bytes) -> bool:
+        """Returns whether a message may hold a transform of a watched child."""
+        concerns = False
+        for child, name in self._names.items():
+            if name not in buffer:
+                continue
+            if self._needles[child] in buffer:
+                concerns = True
+                self._misses[child] = 0
+            else:
+                self._misses[child] += 1
+                concerns = concerns or self._misses[child] >= _MISSES
+        return concerns
