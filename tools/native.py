@@ -19,6 +19,8 @@ from containers.subcommand import Subcommands
 from pioneer_fleet.adapters.registry import running_fleets
 
 HEADINGS = ("ROBOT", "STATE", "ROBOT MOVES", "ODOM", "POSITION", "ERROR", "WAYPOINTS", "LAST WORD")
+STALE = 5.0
+"""Age from which a fleet's figures are said to be old [s]; its command writes them each second."""
 Fleet = Mapping[str, Any]
 
 
@@ -51,7 +53,8 @@ def _status(options: argparse.Namespace) -> int:
         print(json.dumps({"fleets": fleets, "computers": latest}))
     else:
         print("\n\n".join([*map(fleet_table, fleets), *([status_table(computers, latest)] if computers else [])]))
-    return 0 if all(one.running for one in computers) and not any(fleet["faults"] for fleet in fleets) else 1
+    are_well = all(fleet["age"] <= STALE and not fleet["faults"] for fleet in fleets)
+    return 0 if are_well and all(one.running for one in computers) else 1
 
 
 def fleet_table(fleet: Fleet) -> str:
@@ -64,17 +67,28 @@ def fleet_table(fleet: Fleet) -> str:
         f"base station {fleet['master']}",
         f"pid {fleet['pid']}",
     ]
-    return "\n".join([", ".join(facts), aligned([HEADINGS, *map(_row, fleet["robots"])]), *fleet["faults"]])
+    age = fleet["age"]
+    old = []
+    if age > STALE:
+        old.append(f"these figures are {age:.0f} s old: pid {fleet['pid']} does not write new ones (kill -9 ends it)")
+    rows = [_row(robot, age) for robot in fleet["robots"]]
+    return printable("\n".join([", ".join(facts), *old, aligned([HEADINGS, *rows]), *fleet["faults"]]))
 
 
-def _row(robot: Mapping[str, Any]) -> tuple[str, ...]:
+def printable(text: str) -> str:
+    """Returns ``text`` with escapes in place of characters that control a terminal, but for line feeds."""
+    return "".join(char if char.isprintable() or char == "\n" else repr(char)[1:-1] for char in text)
+
+
+def _row(robot: Mapping[str, Any], age: float) -> tuple[str, ...]:
+    """Returns a robot's row; ``age`` of its figures [s]."""
     pose, error = robot["pose"], robot["localisation_error"]
     lost = f", {robot['aborted']} lost" if robot["aborted"] else ""
     return (
         robot["robot"],
         robot["state"],
         f"{'drives' if robot['moving'] else 'stands'} {robot['speed']:.2f} m/s",
-        "none" if robot["odom_age"] is None else f"{robot['odom_age']:.2f} s",
+        "none" if robot["odom_age"] is None else f"{robot['odom_age'] + (age if age > STALE else 0.0):.2f} s",
         "-" if pose is None else f"({pose[0]:.2f}, {pose[1]:.2f})",
         "-" if error is None else f"{error:.2f} m",
         f"{robot['reached']}/{robot['received']}{lost}",

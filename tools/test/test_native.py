@@ -14,7 +14,7 @@ from containers.engine import Computer
 
 FLEET = {
     "world": "utm_0", "phase": "up", "started": 0.0, "real_time_factor": 1.0, "master": "http://localhost:11312",
-    "pid": 7, "faults": [],
+    "pid": 7, "faults": [], "age": 0.5,
     "robots": [
         {
             "robot": "rover", "state": "waiting", "pose": [1.0, 2.0, 0.0], "localisation_error": 0.01, "aborted": 0,
@@ -94,3 +94,20 @@ def test_without_a_fleet_one_line_says_how_to_start_one(
     monkeypatch.setattr(native, "_has_containers", lambda _: False)
     assert native.main(["status", "--json"]) == 1
     assert capsys.readouterr().err.startswith("pioneer: no fleet runs: ./pioneer fleet starts one")
+
+
+@pytest.mark.usefixtures("both")
+def test_figures_that_are_no_longer_written_are_said_to_be_old(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(native, "running_fleets", lambda: [{**FLEET, "age": 1200.0}])
+    assert native.main(["status"]) == 1
+    text = capsys.readouterr().out
+    assert "these figures are 1200 s old: pid 7" in text
+    assert "1200.10 s" in text
+
+
+def test_nothing_of_a_status_file_controls_the_terminal() -> None:
+    text = native.fleet_table({**FLEET, "world": "\x1b]0;title\x07", "faults": ["\x9b31mred", "\u202egnirts"]})
+    assert all(char.isprintable() or char == "\n" for char in text)
+    assert "\\x1b]0;title" in text

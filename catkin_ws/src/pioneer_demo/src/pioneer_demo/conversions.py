@@ -1,5 +1,6 @@
 """Converts between ROS messages and core values."""
 
+import contextlib
 import math
 from collections.abc import Iterator
 from typing import Any
@@ -36,7 +37,8 @@ def counters_from_diagnostics(message: Any) -> Iterator[tuple[str, int, int]]:
     for status in message.status:
         values = {one.key: one.value for one in status.values}
         if {"messages", "bytes"} <= values.keys():
-            yield status.name, int(values["messages"]), int(values["bytes"])
+            with contextlib.suppress(ValueError):  # not a number: leave out this connection
+                yield status.name, int(values["messages"]), int(values["bytes"])
 
 
 def speed_from_truth(message: Any) -> tuple[float, float]:

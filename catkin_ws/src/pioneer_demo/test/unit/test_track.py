@@ -122,3 +122,12 @@ def test_a_reset_of_the_simulation_does_not_freeze_the_record(track):
     assert track.pose == Pose(pytest.approx(1.9), 0.05)
     track.add_truth(1.6, Pose(9.0, 9.0))  # a message that came late
     assert track.pose.x == pytest.approx(1.9)
+
+
+@pytest.mark.parametrize("count", [2**32 - 1, 3])
+def test_a_report_of_any_number_of_waypoints_closes_those_that_there_are(track, count):
+    track.add_queue(queue(reached=count))
+    assert track.finished
+    assert track.reached == 2
+    track.add_queue(queue(reached=0, aborted=count))
+    assert track.reached == 2

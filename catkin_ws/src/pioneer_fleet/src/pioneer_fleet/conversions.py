@@ -1,34 +1,55 @@
 """Converts ROS messages to core values."""
 
+import math
 import xml.etree.ElementTree as ElementTree
 from typing import Any
 
 from pioneer_fleet.core.geometry import Points, Pose, yaw_from_quaternion
 from pioneer_fleet.core.monitor import ClientState, Queue
 
+FARTHEST = 1e6
+"""Maximum coordinate of a position [m]."""
+_STATES = {state.value: state for state in ClientState}
+
+
+class MessageError(ValueError):
+    """A message has values that cannot be used; the text names the field."""
+
 
 def queue_from_message(message: Any) -> Queue:
-    """Returns the `Queue` of a ``simple_navigation_goals/WaypointQueue``."""
+    """Returns the `Queue` of a ``simple_navigation_goals/WaypointQueue``; a state that is not known is UNKNOWN."""
     waiting = len(message.waiting) + bool(message.current.header.frame_id)
     counts = (message.received, message.reached, message.aborted)
-    return Queue(ClientState(message.state), *counts, message.text, waiting)
+    return Queue(_STATES.get(message.state, ClientState.UNKNOWN), *counts, message.text, waiting)
 
 
 def pose_from_message(message: Any) -> Pose:
-    """Returns a ``geometry_msgs/Pose`` projected to 2D."""
-    turn = message.orientation
-    return Pose(message.position.x, message.position.y, yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))
+    """Returns a ``geometry_msgs/Pose`` projected to 2D.
+
+    Raises:
+        MessageError: it is not finite or too far away.
+    """
+    return _pose(message.position, message.orientation)
 
 
 def pose_from_transform(message: Any) -> Pose:
-    """Returns a ``geometry_msgs/Transform`` projected to 2D."""
-    turn, shift = message.rotation, message.translation
-    return Pose(shift.x, shift.y, yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w))
+    """Returns a ``geometry_msgs/Transform`` projected to 2D.
+
+    Raises:
+        MessageError: it is not finite or too far away.
+    """
+    return _pose(message.translation, message.rotation)
 
 
 def points_from_path(message: Any) -> Points:
-    """Returns the positions of a ``nav_msgs/Path``."""
-    return [(pose.pose.position.x, pose.pose.position.y) for pose in message.poses]
+    """Returns the positions of a ``nav_msgs/Path``, without those that are not finite or too far away."""
+    positions = [pose.pose.position for pose in message.poses]
+    return [(place.x, place.y) for place in positions if is_near(place.x) and is_near(place.y)]
+
+
+def is_near(value: float) -> bool:
+    """Returns whether a coordinate [m] is finite and not too far away."""
+    return -FARTHEST <= value <= FARTHEST
 
 
 def mount_of(description: str, link: str) -> Pose:
@@ -46,6 +67,13 @@ def mount_of(description: str, link: str) -> Pose:
         name, step = joints[name]
         pose = step.compose(pose)
     return pose
+
+
+def _pose(place: Any, turn: Any) -> Pose:
+    yaw = yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w)
+    if not is_near(place.x) or not is_near(place.y) or not math.isfinite(yaw):
+        raise MessageError(f"a pose is not finite or beyond {FARTHEST:g} m: ({place.x:g}, {place.y:g}), yaw {yaw:g}")
+    return Pose(place.x, place.y, yaw)
 
 
 def frame_from_message(name: str) -> str:

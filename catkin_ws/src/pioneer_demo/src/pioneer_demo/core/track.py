@@ -147,14 +147,12 @@ class RobotTrack:
         """Processes the waypoint client's report and closes the visits that it reports as reached or aborted."""
         before = self.queue or Queue(ClientState.IDLE, 0, 0, 0, "")
         self.monitor.queue = queue
-        for _ in range(queue.aborted - before.aborted):
-            self._close(False)
-        for _ in range(queue.reached - before.reached):
-            self._close(True)
+        self._close(queue.aborted - before.aborted, False)
+        self._close(queue.reached - before.reached, True)
 
-    def _close(self, reached: bool) -> None:
-        if self.current < len(self.visits):
-            visit = self.visits[self.current]
+    def _close(self, count: int, reached: bool) -> None:
+        """Closes so many visits, or all that are left: a message may give any number."""
+        for visit in self.visits[self.current :][: max(0, count)]:
             visit.time = self._stamp
             visit.distance = self.pose.distance(visit.leg.goal) if self.pose else math.nan
             visit.reached = reached

@@ -15,6 +15,7 @@ _WORDS = {
     ClientState.WAITING_FOR_MOVE_BASE: "waiting for move_base",
     ClientState.DRIVING: "driving",
     ClientState.RESTING: "resting",
+    ClientState.UNKNOWN: "in an unknown state",
 }
 
 _BAR = 24
@@ -142,4 +143,4 @@ def _robot(robot: RobotTrack, port: int, now: float) -> dict[str, Any]:
 
 
 def _known(value: float) -> float | None:
-    return None if math.isnan(value) else round(value, 3)
+    return round(value, 3) if math.isfinite(value) else None

@@ -2,6 +2,7 @@
 
 import functools
 import os
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -22,7 +23,7 @@ from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.view import fleet_lines, fleet_status, guide
 from pioneer_demo.nodes.flip import STATE, FlipRequest
 from pioneer_demo.nodes.observer import ObserverNode
-from pioneer_fleet.adapters.registry import Entry
+from pioneer_fleet.adapters.registry import Entry, RegistryError
 from pioneer_harness.masters import is_running
 from pioneer_node.nodes.patch import keep_publisher_updates
 
@@ -52,7 +53,8 @@ class FleetRun:
         self.course: Course | None = None
         self._flips: FlipRequest | None = None
         self._config, self._interrupt = config, interrupt
-        self._entry, self._started = Entry(), time.time()
+        self._entry = _entry()
+        self._started = time.time()
         self._step, self._sampled = 0, 0.0
         self._phase = "starting"
 
@@ -146,7 +148,8 @@ class FleetRun:
                 return self.processes.stop(_GRACE, urgent=self._interrupt.is_set)
             return self.processes.stop(_GRACE_IN_A_HURRY, urgent=lambda: False)
         finally:
-            self._entry.close()
+            if self._entry is not None:
+                self._entry.close()
 
     def _starting(self, condition: Callable[[], object], what: str, milestone: str) -> None:
         self._step += 1
@@ -185,5 +188,15 @@ class FleetRun:
         with self.lock:
             faults, ports = self.processes.faults(), self.processes.ports
             status = fleet_status(self.fleet, self._config, ports, self._phase, faults, time.monotonic())
-        self._entry.write({**status, "started": self._started})
+        if self._entry is not None:
+            self._entry.write({**status, "started": self._started})
         self._sampled = time.monotonic()
+
+
+def _entry() -> Entry | None:
+    """Returns this fleet's entry in the registry; None, with a warning, if there is no safe place for it."""
+    try:
+        return Entry()
+    except RegistryError as error:
+        print(f"./pioneer status will not find this fleet: {error}", file=sys.stderr)
+        return None

@@ -9,7 +9,7 @@ import rospy
 from actionlib_msgs.msg import GoalStatusArray
 from diagnostic_msgs.msg import DiagnosticArray
 from gateway_msgs.msg import GatewayInfo, RemoteRule, RemoteRuleWithStatus
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TransformStamped, Twist
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rosgraph_msgs.msg import Clock
 from rospy.numpy_msg import numpy_msg
@@ -33,6 +33,7 @@ from pioneer_fleet.conversions import (
     queue_from_message,
 )
 from pioneer_fleet.core.geometry import Pose
+from pioneer_fleet.nodes.tolerance import tolerant
 
 _MAP, _ODOM, _BASE = "map", "odom", "base_link"
 
@@ -65,6 +66,8 @@ class ObserverNode:
         self._goals = {
             robot.name: rospy.Publisher(f"/{robot.name}/map_goal", Twist, queue_size=100) for robot in fleet.robots
         }
+        # One invalid transform does not cost the others of its message.
+        self._take_transform = tolerant("/tf", self._on_transform)
         self._subscribe("/clock", Clock, self._on_clock)
         self._subscribe("/gazebo/ready", Bool, self._on_ready)
         self._subscribe("/gazebo/real_time_factor", Float64, self._on_real_time_factor)
@@ -106,7 +109,7 @@ class ObserverNode:
             self._subscribe(f"/{robot.name}/{topic}", kind, functools.partial(callback, robot))
 
     def _subscribe(self, topic: str, kind: Any, callback: Any) -> None:
-        rospy.Subscriber(topic, kind, self._locked, callback, queue_size=100, tcp_nodelay=True)
+        rospy.Subscriber(topic, kind, tolerant(topic, self._locked), callback, queue_size=100, tcp_nodelay=True)
 
     def _locked(self, message: Any, callback: Any) -> None:
         with self._lock:
@@ -136,14 +139,17 @@ class ObserverNode:
 
     def _on_tf(self, message: TFMessage) -> None:
         for transform in message.transforms:
-            parent = frame_from_message(transform.header.frame_id)
-            child = frame_from_message(transform.child_frame_id)
-            if parent == _MAP and child in self._frames:
-                self._frames[child].add_correction(pose_from_transform(transform.transform))
-            elif child in self._bases and parent in self._frames:
-                stamp, pose = transform.header.stamp.to_sec(), pose_from_transform(transform.transform)
-                self._bases[child].add_odometry(stamp, pose)
-                self._bases[child].monitor.add_odom(time.monotonic(), stamp)
+            self._take_transform(transform)
+
+    def _on_transform(self, transform: TransformStamped) -> None:
+        parent = frame_from_message(transform.header.frame_id)
+        child = frame_from_message(transform.child_frame_id)
+        if parent == _MAP and child in self._frames:
+            self._frames[child].add_correction(pose_from_transform(transform.transform))
+        elif child in self._bases and parent in self._frames:
+            stamp = transform.header.stamp.to_sec()
+            self._bases[child].add_odometry(stamp, pose_from_transform(transform.transform))
+            self._bases[child].monitor.add_odom(time.monotonic(), stamp)
 
     def _on_truth(self, robot: RobotTrack, message: Odometry) -> None:
         robot.add_truth(message.header.stamp.to_sec(), pose_from_message(message.pose.pose))

@@ -17,6 +17,7 @@ class ClientState(enum.IntEnum):
     WAITING_FOR_MOVE_BASE = 1
     DRIVING = 2
     RESTING = 3
+    UNKNOWN = 255  #: a number that this version does not know
 
 
 @dataclasses.dataclass(frozen=True)

@@ -25,6 +25,7 @@ from pioneer_fleet.conversions import queue_from_message
 from pioneer_fleet.core.monitor import deviation_from_covariance
 from pioneer_fleet.core.report import Report, Stage, states_of
 from pioneer_fleet.core.tour import Place, places_from_mapping, tour
+from pioneer_fleet.nodes.tolerance import tolerant
 from pioneer_node.nodes import patch
 
 MASTER_LOOK = 0.2
@@ -121,7 +122,7 @@ class ReportNode:
                 if self._key() != before:
                     self._changed.notify()
 
-        rospy.Subscriber(topic, kind, locked, queue_size=QUEUE, tcp_nodelay=True)
+        rospy.Subscriber(topic, kind, tolerant(topic, locked), queue_size=QUEUE, tcp_nodelay=True)
 
     def _on_info(self, message: GatewayInfo) -> None:
         self._report.gateway = message.name
