@@ -6,6 +6,9 @@ setup_dir=$root/.setup
 venv=$setup_dir/venv
 workspace=$root/catkin_ws
 minimum_free_mib=3072
+# What other programs that install packages hold, and how long to wait for them [s].
+package_locks=(/var/lib/dpkg/lock-frontend /var/lib/dpkg/lock /var/lib/apt/lists/lock)
+package_patience=1800
 
 # Exits with a one-line error: what is wrong and what to do.
 die() {
@@ -92,15 +95,36 @@ missing_packages() {
     <(dpkg-query -W -f '${Package} ${db:Status-Status}\n' "$@" 2>/dev/null | awk '$2 == "installed" {print $1}' | sort)
 }
 
+# lock_owner FILE: prints the id of the process that holds a POSIX lock on the file; nothing if it is free.
+lock_owner() {
+  awk -v inode="$(stat -c %i "$1" 2>/dev/null)" '$2 == "POSIX" { split($6, part, ":"); if (part[3] == inode) { print $5; exit } }' /proc/locks
+}
+
+# await_packages FILE...: waits while another program, such as unattended-upgrades, holds one of these locks.
+await_packages() {
+  local file owner name waited=$SECONDS
+  for file; do
+    while owner=$(lock_owner "$file"); [[ $owner ]]; do
+      name=$(cat "/proc/$owner/comm" 2>/dev/null || echo process)
+      echo "waiting for $name ($owner), which installs packages"
+      ((SECONDS - waited < package_patience)) || { echo "$name ($owner) has held $file for $package_patience s"; return 1; }
+      timeout 5 tail --pid="$owner" -f /dev/null || true
+    done
+  done
+}
+
 apt_update() {
+  await_packages "${package_locks[@]}" || return
   # An interrupted dpkg refuses everything until it has finished what it began.
   as_root env DEBIAN_FRONTEND=noninteractive dpkg --configure -a
   as_root apt-get update -q
 }
 
 apt_install() {
+  await_packages "${package_locks[@]}" || return
   # redis-server and rviz must not start services or ask questions here; recommendations would double the size.
-  as_root env DEBIAN_FRONTEND=noninteractive RUNLEVEL=1 apt-get install -yq --no-install-recommends "$@"
+  as_root env DEBIAN_FRONTEND=noninteractive RUNLEVEL=1 \
+    apt-get -o DPkg::Lock::Timeout="$package_patience" install -yq --no-install-recommends "$@"
 }
 
 # sections_of COMMAND WORD...: prints the sections of apt-packages.txt and requirements.txt that a command of ./pioneer

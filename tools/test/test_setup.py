@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -45,6 +46,36 @@ def test_the_usual_causes_of_a_failed_step_are_reported_in_one_line(tmp_path: Pa
     assert result.returncode == 1
     assert told in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+LOCKER = """
+import fcntl, sys
+file = open(sys.argv[1], "w")
+fcntl.lockf(file, fcntl.LOCK_EX)
+print("locked", flush=True)
+sys.stdin.readline()
+"""
+
+
+def test_set_up_waits_for_another_program_that_installs_packages(tmp_path: Path) -> None:
+    lock = tmp_path / "lock-frontend"
+    with subprocess.Popen([sys.executable, "-c", LOCKER, lock], stdin=-1, stdout=-1, text=True) as other:
+        assert other.stdout is not None
+        assert other.stdin is not None
+        other.stdout.readline()
+        late = run_bash(f"package_patience=0; await_packages {lock}", tmp_path)
+        assert late.returncode == 1
+        assert f"({other.pid}) has held {lock} for 0 s" in late.stdout
+        script = f"await_packages {tmp_path}/none {lock}; echo installed"
+        text = f'root={tmp_path}; . "{ROOT}/tools/setup.bash"; {script}'
+        with subprocess.Popen(["bash", "-euo", "pipefail", "-c", text], stdout=-1, text=True) as waiting:
+            assert waiting.stdout is not None
+            assert f"({other.pid}), which installs packages" in waiting.stdout.readline()
+            other.stdin.write("\n")
+            other.stdin.flush()
+            rest, _ = waiting.communicate(timeout=HANGS)
+    assert rest.endswith("installed\n")
+    assert waiting.returncode == 0
 
 
 def test_a_full_disk_is_noticed_before_anything_is_installed(tmp_path: Path) -> None:
