@@ -4,23 +4,26 @@ from types import SimpleNamespace
 import pytest
 import rospy
 
-from nav_bundle.adapters.correction_file import CorrectionFile, CorrectionFileError
+from nav_bundle.adapters.correction_file import Correction, CorrectionFile, CorrectionFileError
+from nav_bundle.core.clock import ClockWatch
 from nav_bundle.core.pose import Pose
 from nav_bundle.nodes.amcl import AmclNode
 from nav_bundle.nodes.estimate import PoseStore
 
+ODOM = Pose(4.0, 3.0, 1.0)
+
 
 def test_what_was_written_is_read(tmp_path: Path) -> None:
     path = tmp_path / "correction"
-    CorrectionFile(str(path)).write(Pose(1.5, -2.25, 0.75), "odom")
-    CorrectionFile(str(path)).write(Pose(1.0, -2.0, 0.5), "odom")
-    assert CorrectionFile(str(path)).read("odom") == Pose(1.0, -2.0, 0.5)
+    CorrectionFile(str(path)).write(Correction(Pose(1.5, -2.25, 0.75), ODOM), "odom")
+    CorrectionFile(str(path)).write(Correction(Pose(1.0, -2.0, 0.5), ODOM), "odom")
+    assert CorrectionFile(str(path)).read("odom") == Correction(Pose(1.0, -2.0, 0.5), ODOM)
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_of_another_robot_nothing_is_remembered(tmp_path: Path) -> None:
     path = tmp_path / "correction"
-    CorrectionFile(str(path)).write(Pose(1.5, -2.25, 0.75), "pioneer1/odom")
+    CorrectionFile(str(path)).write(Correction(Pose(1.5, -2.25, 0.75), ODOM), "pioneer1/odom")
     assert CorrectionFile(str(path)).read("pioneer2/odom") is None
 
 
@@ -38,6 +41,7 @@ def test_no_file_is_no_memory(tmp_path: Path) -> None:
         '{"x": 1, "y": 2, "yaw": 0}',
         '{"odom": "odom", "x": 1, "y": 2, "yaw": NaN}',
         '{"odom": "odom", "x": "a", "y": 2, "yaw": 0}',
+        '{"odom": "odom", "x": 1, "y": 2, "yaw": 0}',
     ],
 )
 def test_a_file_of_something_else_is_named(tmp_path: Path, text: str) -> None:
@@ -53,21 +57,41 @@ def test_amcl_starts_at_its_initial_pose_where_the_file_holds_something_else(tmp
     node = SimpleNamespace(_correction=CorrectionFile(str(path)), _odom_frame="odom")
     path.write_text("")
     assert AmclNode._read_correction(node) is None  # type: ignore[arg-type]
-    node._correction.write(Pose(1.0, -2.0, 0.5), "odom")
-    assert AmclNode._read_correction(node) == Pose(1.0, -2.0, 0.5)  # type: ignore[arg-type]
+    node._correction.write(Correction(Pose(1.0, -2.0, 0.5), ODOM), "odom")
+    assert AmclNode._read_correction(node) == Correction(Pose(1.0, -2.0, 0.5), ODOM)  # type: ignore[arg-type]
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(CorrectionFileError, match="absent"):
-        CorrectionFile(str(tmp_path / "absent" / "correction")).write(Pose(), "odom")
+        CorrectionFile(str(tmp_path / "absent" / "correction")).write(Correction(Pose(), ODOM), "odom")
 
 
 def test_a_correction_is_forgotten_when_time_jumps_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It used to survive: an amcl restarted before the next write resumed at the pose from before the reset."""
     file = CorrectionFile(str(tmp_path / "correction"))
-    file.write(Pose(1.0, -2.0, 0.5), "odom")
-    node = SimpleNamespace(_now=50.0, _correction=file, _store=PoseStore(1.0), _start_at_initial_pose=lambda: None)
+    file.write(Correction(Pose(1.0, -2.0, 0.5), ODOM), "odom")
+    clock = ClockWatch(simulated=True)
+    clock.read(50.0)
+    node = SimpleNamespace(_clock=clock, _correction=file, _store=PoseStore(1.0), _start_at_initial_pose=lambda: None)
     monkeypatch.setattr(rospy, "get_time", lambda: 3.0)
-    AmclNode._restart_if_time_jumped(node)  # type: ignore[arg-type]
+    AmclNode._read_clock(node)  # type: ignore[arg-type]
     assert file.read("odom") is None
     file.forget()
+
+
+@pytest.mark.parametrize(
+    ("odom", "applies"),
+    [
+        (ODOM, True),
+        (Pose(4.5, 3.5, 1.5), True),
+        (Pose(), False),
+        (Pose(0.4, 0.1, -0.5), False),
+        (Pose(0.0, 0.0, 1.0), False),
+    ],
+)
+def test_a_correction_is_not_for_odometry_that_was_restarted_at_zero(odom: Pose, applies: bool) -> None:
+    assert Correction(Pose(1.0, 2.0, 0.3), ODOM).applies_to(odom) == applies
+
+
+def test_odometry_that_was_at_zero_has_continued() -> None:
+    assert Correction(Pose(1.0, 2.0, 0.3), Pose()).applies_to(Pose())

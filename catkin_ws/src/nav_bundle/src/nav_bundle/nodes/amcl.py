@@ -15,9 +15,8 @@ from nav_msgs.srv import SetMapResponse
 from std_msgs.msg import Header
 from std_srvs.srv import Empty, EmptyResponse
 
-from nav_bundle.adapters.correction_file import CorrectionFile, CorrectionFileError
+from nav_bundle.adapters.correction_file import Correction, CorrectionFile, CorrectionFileError
 from nav_bundle.conversions import (
-    GetMapArray,
     GridMessage,
     ParticlesMessage,
     ScanMessage,
@@ -38,6 +37,7 @@ from nav_bundle.core.particle import Estimate
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.transform import TransformError
 from nav_bundle.nodes.estimate import PoseStore, deviation_status
+from nav_bundle.nodes.static_map import fetch_map
 from nav_bundle.nodes.transform import TransformBroadcaster, TransformListener, robot_frame
 from pioneer_node.core.frame import stripped
 from pioneer_node.core.live import Value
@@ -226,7 +226,7 @@ class AmclNode:
         stamp = message.header.stamp
         laser, odom = self._listener.place_of_scan(message.header, self._odom_frame, self._base_frame)
         if self._remembered is not None:
-            self._go_on(self._remembered.compose(odom))
+            self._go_on(self._remembered, odom)
         if self._localisation.due(odom):
             update = self._localisation.advance(odom, scan_from_message(message, laser))
             if update.estimate is not None:
@@ -239,7 +239,7 @@ class AmclNode:
         self._diagnose()
         saved = self._estimate is not None and self._store.save(self._estimate, self._now)
         if saved and self._map_from_odom is not None:
-            self._correction.write(self._map_from_odom, self._odom_frame)
+            self._correction.write(Correction(self._map_from_odom, odom), self._odom_frame)
 
     def _tell_if_lost(self) -> None:
         lost, before = self._localisation.lost, self._lost
@@ -297,7 +297,7 @@ class AmclNode:
         self._localisation.set_pose(pose, covariance)
         self._estimate = self._map_from_odom = None
 
-    def _read_correction(self) -> Pose | None:
+    def _read_correction(self) -> Correction | None:
         """Reads the correction file; an invalid file is only a warning, since a respawned amcl would fail forever."""
         try:
             return self._correction.read(self._odom_frame)
@@ -305,9 +305,13 @@ class AmclNode:
             rospy.logwarn("%s; starting at the initial pose", error)
             return None
 
-    def _go_on(self, pose: Pose) -> None:
+    def _go_on(self, remembered: Correction, odom: Pose) -> None:
         """Restarts once at the remembered pose, moved by the odometry since the previous amcl ended."""
         self._remembered = None
+        if not remembered.applies_to(odom):
+            rospy.logwarn("~correction_file is not used: odometry was restarted; starting at the initial pose")
+            return
+        pose = remembered.map_from_odom.compose(odom)
         self._localisation.set_pose(pose, REMEMBERED_COVARIANCE)
         rospy.loginfo("resuming at %.3f %.3f m, heading %.3f rad (from ~correction_file)", pose.x, pose.y, pose.yaw)
 
@@ -317,17 +321,10 @@ class AmclNode:
         rospy.loginfo("particles spread over the whole map")
 
     def _fetch_map(self) -> None:
-        """Waits for the map service in a separate thread, and queues its map for the loop."""
-        name = rospy.resolve_name("static_map")
-        rospy.loginfo("waiting for the map from service %s", name)
-        try:
-            rospy.wait_for_service("static_map")
-            message = rospy.ServiceProxy("static_map", GetMapArray)().map
-        except rospy.ROSException as error:
-            if not rospy.is_shutdown():
-                rospy.logerr("no map from service %s: %s", name, error)
-            return
-        self._post(lambda: self._set_map(message))
+        """Asks for the map in a separate thread, and queues it for the loop."""
+        message = fetch_map()
+        if message is not None:
+            self._post(functools.partial(self._set_map, message))
 
     def _set_map(self, message: GridMessage, again: bool = False) -> None:
         if self._config.first_map_only and self._localisation.has_map and not again:
