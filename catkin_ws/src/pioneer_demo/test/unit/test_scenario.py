@@ -56,6 +56,10 @@ def test_options_replace_what_the_file_says() -> None:
         ("faults:\n  - at: 1\n    kill: pionee1\n    lasts: 3", ":2: unknown robot 'pionee1'; did you mean pioneer1?"),
         ("faults: [{kill: base station, lasts: 3}]", "unknown robot 'base station'"),
         ("faults:\n  - blind: pioneer1\n    lasts: 0.0", ":3: lasts must be above 0 s"),
+        (
+            "world: small_world\nrobots:\n  - goals:\n      - [1, 1]\n      - [500, 0]",
+            ":5: the goal (500, 0) is outside the map",
+        ),
         ("faults:\n  - blind: pioneer1", ":2: lasts is missing: the duration of the fault [s]"),
         ("faults:\n  - {move: pioneer1}", ":2: 'move' needs 'to: [x, y, degrees]'"),
         ("success:\n  reached: 3.0", ":2: reached is a share"),

@@ -7,8 +7,10 @@ import pytest
 
 from pioneer_demo.core.error import NoWaypointError
 from pioneer_demo.core.floor import Floor
+from pioneer_demo.core.place import check_places
 from pioneer_demo.core.waypoint import WaypointConfig, fleet_waypoints
 from pioneer_fleet.core.geometry import Pose
+from pioneer_node.core.document import DocumentError
 
 CONFIG = WaypointConfig()
 STARTS = [Pose(1.5, 1.5), Pose(18.5, 1.5)]
@@ -81,3 +83,44 @@ def test_no_room_is_an_error_that_says_what_to_try():
     crowded = WaypointConfig(separation=50.0)
     with pytest.raises(NoWaypointError, match="fewer robots"):
         legs_of(1, config=crowded)
+
+
+def corridor(width, shift=0.0):
+    """Returns two rooms of 4 m, joined by a corridor of 8 m and this width [m], in cells of 0.05 m."""
+    free = np.zeros((120, 340), bool)
+    free[20:100, 10:90] = free[20:100, 250:330] = True
+    low = 60 + round((shift - width / 2) / 0.05)
+    free[low : low + round(width / 0.05), 90:250] = True
+    return Floor(0.05, 0.0, 0.0, free, ~free)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.05, 0.1, 0.15])
+@pytest.mark.parametrize("width", [0.5, 0.7, 0.9, 1.2])
+def test_a_goal_behind_a_corridor_that_the_planner_takes_is_taken(width, shift):
+    floor = corridor(width, shift)
+    check_places(floor, [(2.0, 3.0)], [[(15.0, 3.0)]])
+    ((leg,),) = fleet_waypoints(floor, [Pose(2.0, 3.0)], CONFIG, np.random.default_rng(1), [[[15.0, 3.0]]])
+    assert leg.length == pytest.approx(13.0, rel=0.11)
+
+
+def test_a_goal_behind_a_corridor_too_narrow_is_refused():
+    floor = corridor(0.35)
+    with pytest.raises(NoWaypointError, match="cannot reach its goal"):
+        fleet_waypoints(floor, [Pose(2.0, 3.0)], CONFIG, np.random.default_rng(1), [[[15.0, 3.0]]])
+    with pytest.raises(DocumentError, match=r"the goal \(15, 3\) cannot be reached from the robot's place before"):
+        check_places(floor, [(2.0, 3.0)], [[(2.5, 3.0), (15.0, 3.0)]])
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "text"),
+    [
+        ((2.0, 3.0), (0.2, 3.0), r"the goal \(0.2, 3\) is in a wall"),
+        ((2.0, 3.0), (99.0, 3.0), r"the goal \(99, 3\) is outside the map"),
+        ((2.0, 3.0), (0.6, 3.0), r"the goal \(0.6, 3\) is closer than 0.2 m to a wall"),
+        ((-5.0, 3.0), (2.0, 3.0), r"the start \(-5, 3\) is outside the map"),
+        ((8.0, 1.0), (2.0, 3.0), r"the start \(8, 1\) is in a wall"),
+    ],
+)
+def test_a_place_where_no_robot_can_be_is_named(start, goal, text):
+    with pytest.raises(DocumentError, match=text):
+        check_places(corridor(0.9), [start], [[goal]])

@@ -67,7 +67,35 @@ def scenario_of(content: Any, path: Path, lines: dict[Place, int]) -> Scenario:
         robots = said.robots if isinstance(said.robots, int) else tuple(with_files(one, path) for one in said.robots)
     except FleetFileError as error:
         raise DocumentError(str(error)) from None
-    return dataclasses.replace(said, world=world, navigation=navigation, robots=robots)
+    scenario = dataclasses.replace(said, world=world, navigation=navigation, robots=robots)
+    try:
+        _check_places(scenario)
+    except DocumentError as error:
+        raise located(error, path, lines) from None
+    return scenario
+
+
+def _check_places(scenario: Scenario) -> None:
+    """Checks given starts and goals on the world's map.
+
+    Raises:
+        DocumentError: a robot cannot be there, or cannot get there.
+    """
+    if isinstance(scenario.robots, int):
+        return
+    # Robots of other kinds have footprints of their own, which only their navigation knows.
+    pioneers = not any(robot.description or robot.navigation for robot in scenario.robots)
+    if not pioneers or scenario.navigation or not any(robot.goals or robot.pose for robot in scenario.robots):
+        return
+    from pioneer_demo.adapters.map_file import floor_from_file
+    from pioneer_demo.core.place import check_places
+
+    floor = floor_from_file(map_files(scenario.world)[1])
+    if floor is None:
+        return
+    starts = [(robot.pose["x"], robot.pose["y"]) if robot.pose else None for robot in scenario.robots]
+    goals = [[(goal[0], goal[1]) for goal in robot.goals] for robot in scenario.robots]
+    check_places(floor.cropped(), starts, goals)
 
 
 def digests(scenarios: Iterable[Scenario]) -> dict[str, str]:

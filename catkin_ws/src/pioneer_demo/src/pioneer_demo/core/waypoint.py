@@ -1,6 +1,7 @@
 """Chooses waypoints for a fleet: seeded random places that each robot can reach and park at."""
 
 import dataclasses
+import functools
 import math
 from collections.abc import Sequence
 
@@ -8,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pioneer_demo.core.error import NoWaypointError
-from pioneer_demo.core.floor import Floor, distances, drivable, route
+from pioneer_demo.core.floor import Floor, distances, drivable, parts, route
+from pioneer_demo.core.place import PIONEER_RADIUS
 from pioneer_fleet.core.geometry import Pose
 
 # A Pioneer turning in place sweeps a circle of 0.36 m radius.
@@ -65,28 +67,43 @@ def fleet_waypoints(
 class _Chooser:
     def __init__(self, floor: Floor, starts: Sequence[Pose], config: WaypointConfig, rng: np.random.Generator) -> None:
         self._config, self._rng, self._starts = config, rng, starts
+        self._floor = floor
         self._passable = drivable(floor, _PASSABLE, _CELL)
         self._roomy = drivable(floor, config.clearance, _CELL).free
         self.legs: list[list[Leg]] = [[] for _ in starts]
 
     def append(self, robot: int, goal: Sequence[float]) -> None:
         """Appends the leg to a given goal to a robot's list."""
-        steps = self._steps(robot)
-        x, y = float(goal[0]), float(goal[1])
-        row, col = self._cell_near(Pose(x, y), f"a goal of robot {robot + 1} is")
-        if not np.isfinite(steps[row, col]):
-            raise NoWaypointError(f"robot {robot + 1} cannot reach its goal ({x:g}, {y:g})")
-        leg = self._leg(steps, row, col)
+        x = float(goal[0])
+        y = float(goal[1])
+        try:
+            leg = self._leg_to(self._passable, robot, x, y)
+        except NoWaypointError:
+            # The coarse floor leaves out narrow passages that the planner takes.
+            leg = self._leg_to(self._narrow, robot, x, y)
         yaw = math.radians(goal[2]) if len(goal) > 2 else leg.goal.yaw
         self.legs[robot].append(dataclasses.replace(leg, goal=Pose(x, y, yaw)))
 
-    def _steps(self, robot: int) -> NDArray[np.float64]:
+    @functools.cached_property
+    def _narrow(self) -> Floor:
+        """The floor in the map's own cells, by the planner's rule."""
+        free = parts(self._floor, PIONEER_RADIUS) > 0
+        return dataclasses.replace(self._floor, free=free, occupied=~free)
+
+    def _leg_to(self, floor: Floor, robot: int, x: float, y: float) -> Leg:
+        steps = self._steps(floor, robot)
+        row, col = _cell_near(floor, Pose(x, y), f"a goal of robot {robot + 1} is")
+        if not np.isfinite(steps[row, col]):
+            raise NoWaypointError(f"robot {robot + 1} cannot reach its goal ({x:g}, {y:g})")
+        return _leg(floor, steps, row, col)
+
+    def _steps(self, floor: Floor, robot: int) -> NDArray[np.float64]:
         last = self.legs[robot][-1].goal if self.legs[robot] else self._starts[robot]
-        return distances(self._passable, *self._cell_near(last, f"robot {robot + 1} stands"))
+        return distances(floor, *_cell_near(floor, last, f"robot {robot + 1} stands"))
 
     def extend(self, robot: int) -> None:
         """Appends a random leg to a robot's list."""
-        steps = self._steps(robot)
+        steps = self._steps(self._passable, robot)
         candidates = self._candidates(robot, steps)
         if not len(candidates):
             raise NoWaypointError(
@@ -95,7 +112,7 @@ class _Chooser:
             )
         picked = self._rng.choice(candidates, min(_TRIALS, len(candidates)), replace=False)
         # Candidates are in random order, so ties in crowding are broken at random.
-        trials = [self._leg(steps, int(row), int(col)) for row, col in picked]
+        trials = [_leg(self._passable, steps, int(row), int(col)) for row, col in picked]
         self.legs[robot].append(min(trials, key=lambda leg: self._crowding(robot, leg)))
 
     def _candidates(self, robot: int, steps: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -106,7 +123,7 @@ class _Chooser:
         shortest = min(self._config.shortest, 0.5 * float(steps[fits].max()))
         fits &= (steps >= shortest) & (steps <= max(self._config.longest, shortest + _CELL))
         cells = np.argwhere(fits)
-        xy = self._positions(cells)
+        xy = _positions(self._passable, cells)
         for place in self._places_of_others(robot):
             apart = np.hypot(xy[:, 0] - place.x, xy[:, 1] - place.y) >= self._config.separation
             cells, xy = cells[apart], xy[apart]
@@ -126,22 +143,25 @@ class _Chooser:
         gaps = np.hypot(*(leg.way[:, None, :] - busy[None, :, :]).transpose(2, 0, 1)).min(axis=1)
         return float(np.count_nonzero(gaps < self._config.separation)) * _CELL
 
-    def _leg(self, steps: NDArray[np.float64], row: int, col: int) -> Leg:
-        way = self._positions(np.array(route(steps, row, col)))
-        start, end = way[max(0, len(way) - 6)], way[-1]
-        heading = math.radians(round(math.degrees(math.atan2(end[1] - start[1], end[0] - start[0]))))
-        goal = Pose(round(float(end[0]), 3), round(float(end[1]), 3), heading)
-        return Leg(goal, way, float(steps[row, col]))
 
-    def _positions(self, cells: NDArray[np.intp]) -> NDArray[np.float64]:
-        return np.column_stack(self._passable.position(*cells.T))
+def _leg(floor: Floor, steps: NDArray[np.float64], row: int, col: int) -> Leg:
+    way = _positions(floor, np.array(route(steps, row, col)))
+    start, end = way[max(0, len(way) - 6)], way[-1]
+    heading = math.radians(round(math.degrees(math.atan2(end[1] - start[1], end[0] - start[0]))))
+    goal = Pose(round(float(end[0]), 3), round(float(end[1]), 3), heading)
+    return Leg(goal, way, float(steps[row, col]))
 
-    def _cell_near(self, pose: Pose, what: str) -> tuple[int, int]:
-        """Returns the free cell nearest to ``pose``, at most half a metre away."""
-        row, col = self._passable.cell(pose.x, pose.y)
-        reach = math.ceil(0.5 / self._passable.resolution)
-        cells = [(r, c) for r in range(row - reach, row + reach + 1) for c in range(col - reach, col + reach + 1)]
-        free = [cell for cell in cells if self._passable.contains(*cell) and self._passable.free[cell]]
-        if not free:
-            raise NoWaypointError(f"{what} at ({pose.x:.2f}, {pose.y:.2f}), where it cannot move")
-        return min(free, key=lambda cell: math.dist(cell, (row, col)))
+
+def _positions(floor: Floor, cells: NDArray[np.intp]) -> NDArray[np.float64]:
+    return np.column_stack(floor.position(*cells.T))
+
+
+def _cell_near(floor: Floor, pose: Pose, what: str) -> tuple[int, int]:
+    """Returns the free cell nearest to ``pose``, at most half a metre away."""
+    row, col = floor.cell(pose.x, pose.y)
+    reach = math.ceil(0.5 / floor.resolution)
+    cells = [(r, c) for r in range(row - reach, row + reach + 1) for c in range(col - reach, col + reach + 1)]
+    free = [cell for cell in cells if floor.contains(*cell) and floor.free[cell]]
+    if not free:
+        raise NoWaypointError(f"{what} at ({pose.x:.2f}, {pose.y:.2f}), where it cannot move")
+    return min(free, key=lambda cell: math.dist(cell, (row, col)))
