@@ -221,7 +221,12 @@ class CostmapNode:
         return True
 
     def picture(self, now: float) -> Picture | None:
-        """Returns the newest observation of the first source that is current and has one; else None."""
+        """Returns the newest observation of the first source that is current and has one; else None.
+
+        None in the map's frame, too: there, a correction by localisation looks like motion that the laser does not see.
+        """
+        if self.frame == _WORLD_FRAME:
+            return None
         for source in self._sources:
             newest = source.source.buffer.last
             if newest is not None and not self._fault(source, now):

@@ -162,10 +162,12 @@ class MoveBaseNode:
         if rospy.is_shutdown():
             return
         self._offer()
-        while not rospy.is_shutdown():
-            self._turn_at(rospy.get_time())
-            self._rate.sleep()
-        self._velocity.publish(Twist())
+        try:
+            while not rospy.is_shutdown():
+                self._turn_at(rospy.get_time())
+                self._rate.sleep()
+        finally:
+            self._velocity.publish(Twist())
 
     def step(self) -> None:
         """Runs one step in lockstep mode: a cycle, if it is due by ``controller_frequency``."""
