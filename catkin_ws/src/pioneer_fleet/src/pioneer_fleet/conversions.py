@@ -9,6 +9,8 @@ from pioneer_fleet.core.monitor import ClientState, Queue
 
 FARTHEST = 1e6
 """Maximum coordinate of a position [m]."""
+LARGEST = 1e15
+"""Maximum of a number that is shown."""
 _STATES = {state.value: state for state in ClientState}
 
 
@@ -53,9 +55,17 @@ def is_near(value: float) -> bool:
 
 
 def mount_of(description: str, link: str) -> Pose:
-    """Returns the 2D pose of a URDF link relative to the root link, by composing the joint origins."""
+    """Returns the 2D pose of a URDF link relative to the root link, by composing the joint origins.
+
+    Raises:
+        MessageError: the description is not a URDF.
+    """
     joints = dict[str, tuple[str, Pose]]()
-    for joint in ElementTree.fromstring(description).iter("joint"):
+    try:
+        root = ElementTree.fromstring(description)
+    except (ElementTree.ParseError, TypeError) as error:
+        raise MessageError(f"the robot description is not XML: {error}") from None
+    for joint in root.iter("joint"):
         parent, child, origin = joint.find("parent"), joint.find("child"), joint.find("origin")
         if parent is not None and child is not None:
             place = {} if origin is None else origin.attrib
@@ -64,9 +74,20 @@ def mount_of(description: str, link: str) -> Pose:
             joints[child.get("link", "")] = parent.get("link", ""), Pose(x, y, yaw)
     pose, name = Pose(0.0, 0.0), link
     while name in joints:
-        name, step = joints[name]
+        name, step = joints.pop(name)  # each joint once, even if they form a circle
         pose = step.compose(pose)
     return pose
+
+
+def finite(value: float, name: str) -> float:
+    """Returns a number of a message.
+
+    Raises:
+        MessageError: it is not finite or too large to be meant.
+    """
+    if not abs(value) <= LARGEST:
+        raise MessageError(f"{name} must be a number of at most {LARGEST:g}, not {value:g}")
+    return value
 
 
 def _pose(place: Any, turn: Any) -> Pose:

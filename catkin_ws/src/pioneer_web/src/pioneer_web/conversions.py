@@ -1,19 +1,31 @@
 """Converts between ROS messages and core values."""
 
 import base64
+import contextlib
 import io
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Point, PoseStamped, Quaternion
 from geometry_msgs.msg import Pose as PoseMessage
+from numpy.typing import NDArray
 from PIL import Image as Picture
 
-from pioneer_fleet.conversions import frame_from_message, points_from_path, pose_from_message
+from pioneer_fleet.conversions import (
+    MessageError,
+    finite,
+    frame_from_message,
+    points_from_path,
+    pose_from_message,
+)
 from pioneer_fleet.core.geometry import Points, Pose
 from pioneer_web.core.picture import COSTS, png
 from pioneer_web.core.robot import BEAMS, Image
 
+FARTHEST_RANGE = 1e4
+"""Maximum range of a beam that is shown [m]."""
+MOST_GOALS = 200
+"""Maximum number of waypoints of a robot that are shown."""
 _MODES = {
     "rgb8": ("RGB", "RGB"), "bgr8": ("RGB", "BGR"), "rgba8": ("RGBA", "RGBA"), "bgra8": ("RGBA", "BGRA"),
     "mono8": ("L", "L"), "8UC1": ("L", "L"),
@@ -25,8 +37,8 @@ def scan_from_message(message: Any) -> tuple[float, float, list[int]]:
     """Returns first angle, angle step [rad] and about 180 ranges [cm] of a ``LaserScan``; 0 means no return."""
     every = max(1, len(message.ranges) // BEAMS)
     ranges = np.asarray(message.ranges[::every], np.float32)
-    valid = (ranges >= message.range_min) & (ranges <= message.range_max)
-    lengths = np.where(valid, ranges * 100, 0).astype(np.int32).tolist()
+    valid = (ranges >= message.range_min) & (ranges <= message.range_max) & (ranges <= FARTHEST_RANGE)
+    lengths = np.where(valid, np.where(valid, ranges, 0) * 100, 0).astype(np.int32).tolist()
     return message.angle_min, message.angle_increment * every, lengths
 
 
@@ -35,10 +47,24 @@ def line_from_path(message: Any) -> tuple[str, Points]:
     return frame_from_message(message.header.frame_id), points_from_path(message)
 
 
+def cells_from_grid(message: Any) -> NDArray[np.int8]:
+    """Returns the cells [row, col] of a ``nav_msgs/OccupancyGrid`` whose ``data`` is a numpy array.
+
+    Raises:
+        MessageError: there are none, or not as many as its size says.
+    """
+    info = message.info
+    if not message.data.size or message.data.size != info.height * info.width:
+        raise MessageError(f"a grid of {info.width} x {info.height} has {message.data.size} cells")
+    finite(info.resolution, "resolution")
+    cells: NDArray[np.int8] = message.data.reshape(info.height, info.width)
+    return cells
+
+
 def costs_from_grid(message: Any) -> tuple[str, Image]:
     """Returns frame and image of a ``nav_msgs/OccupancyGrid`` whose ``data`` is a numpy array."""
     info = message.info
-    cells = message.data.reshape(info.height, info.width)
+    cells = cells_from_grid(message)
     text = base64.b64encode(png(cells, COSTS)).decode()
     size = info.width * info.resolution, info.height * info.resolution
     return frame_from_message(message.header.frame_id), Image(pose_from_message(info.origin), *size, text)
@@ -67,11 +93,12 @@ def jpeg_from_image(message: Any) -> bytes:
 
 def goals_from_queue(message: Any) -> tuple[Pose, ...]:
     """Returns the waypoints in ``map`` of a ``simple_navigation_goals/WaypointQueue``, the current one first."""
-    return tuple(
-        pose_from_message(one.pose)
-        for one in (message.current, *message.waiting)
-        if frame_from_message(one.header.frame_id) == "map"
-    )
+    goals = []
+    for waypoint in (message.current, *message.waiting[:MOST_GOALS]):
+        if frame_from_message(waypoint.header.frame_id) == "map":
+            with contextlib.suppress(MessageError):  # leave out this one
+                goals.append(pose_from_message(waypoint.pose))
+    return tuple(goals)
 
 
 def message_from_pose(pose: Pose) -> PoseMessage:

@@ -11,9 +11,25 @@ LINES = 200
 """Number of log lines kept."""
 MOVED = 0.05
 """Distance after which a moved model is shown [m]."""
+MOST_LINKS = 1000
+"""Maximum number of gateways with links, and of each one's links."""
+MOST_MODELS = 5000
+"""Maximum number of models that are distinguished."""
+RULE = ("action", "gateway", "type", "name", "node", "state", "reason")
+_FLOW = {"rate": "rate [Hz]", "bytes": "throughput [byte/s]", "drops": "dropped"}
 LEVELS = {1: "debug", 2: "info", 4: "warning", 8: "error", 16: "fatal"}
+_LARGEST = 1e15
 STANDS = 1.0
 """Time without a clock change after which the simulation counts as paused [s]."""
+
+
+def _number(text: str) -> float:
+    """Returns the number in a diagnostic value; 0 if it is none, or too large to be meant."""
+    try:
+        number = float(text)
+    except ValueError:
+        return 0.0
+    return number if abs(number) <= _LARGEST else 0.0
 
 
 class Station:
@@ -49,7 +65,7 @@ class Station:
 
     def set_rules(self, rules: Iterable[Mapping[str, str]]) -> None:
         """Records the gateway's rules, each with action, gateway, type, name, node, state and reason."""
-        self.rules = [dict(rule) for rule in rules if rule.get("action")]
+        self.rules = [{key: rule.get(key, "") for key in RULE} for rule in rules if rule.get("action")]
 
     def add_links(self, entries: Iterable[tuple[str, Mapping[str, str]]]) -> None:
         """Records the traffic on links from the gateway's diagnostics: name and values of each entry."""
@@ -58,13 +74,14 @@ class Station:
             way, _, rest = about.partition(" ")
             other, _, topic = rest.partition(" ")
             if way in ("to", "from") and "throughput [byte/s]" in values:
-                flow = {"rate": values["rate [Hz]"], "bytes": values["throughput [byte/s]"], "drops": values["dropped"]}
-                numbers = {key: float(value) for key, value in flow.items()}
-                self.links.setdefault(other, {})[f"{way} {topic}"] = numbers
+                flow = {key: _number(values.get(name, "")) for key, name in _FLOW.items()}
+                links = self.links.setdefault(other, {}) if len(self.links) < MOST_LINKS else self.links.get(other, {})
+                if len(links) < MOST_LINKS:
+                    links[f"{way} {topic}"] = flow
 
     def add_log(self, stamp: float, level: int, computer: str, node: str, text: str) -> None:
         """Adds a log line of a robot's computer, or of the base station if the name is empty."""
-        line = [self._lines, round(stamp, 2), LEVELS.get(level, "info"), computer, node, text[:500]]
+        line = [self._lines, round(stamp, 2), LEVELS.get(level, "info"), computer, node[:100], text[:500]]
         # Overwrite the oldest entry, so that only the new line is sent to pages.
         self._log[f"log.{self._lines % LINES}"] = line
         self._lines += 1
@@ -76,6 +93,8 @@ class Station:
             if name in robots:
                 continue
             if name not in self._first:
+                if len(self._first) >= MOST_MODELS:
+                    continue
                 self._first[name] = (math.inf, math.inf) if known else (x, y)
             if math.dist(self._first[name], (x, y)) > MOVED:
                 self._first[name] = (math.inf, math.inf)

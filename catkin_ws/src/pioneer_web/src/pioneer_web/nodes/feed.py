@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import genpy
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from gateway_msgs.msg import GatewayInfo
@@ -20,6 +21,8 @@ from std_msgs.msg import Float64, Float64MultiArray
 from tf2_msgs.msg import TFMessage
 
 from pioneer_fleet.conversions import (
+    MessageError,
+    finite,
     frame_from_message,
     mount_of,
     pose_from_message,
@@ -27,6 +30,7 @@ from pioneer_fleet.conversions import (
     queue_from_message,
 )
 from pioneer_fleet.core.monitor import deviation_from_covariance
+from pioneer_fleet.nodes.tolerance import tolerant
 from pioneer_web import conversions
 from pioneer_web.core.picture import MAP, png
 from pioneer_web.core.robot import Robot
@@ -62,6 +66,8 @@ class Feed:
         self._on_queue_changed = on_queue
         self._frames: dict[str, Robot] = {}
         self._mounts: dict[str, str] = {}
+        # One invalid transform does not cost the others of its message.
+        self._take_transform = tolerant("/tf", self._on_transform)
         self._subscribers: list[rospy.Subscriber] = []
         self._beaten, self._beats = threading.Condition(), 0
 
@@ -145,9 +151,11 @@ class Feed:
     def _listen(
         self, topic: str, kind: Any, callback: Callable[[Any], None], beats: int = 1, queue_size: int | None = 1
     ) -> None:
+        take = tolerant(topic, callback)
+
         def locked(message: Any) -> None:
             with self.lock:
-                callback(message)
+                take(message)
             if beats:
                 self._pause(beats)
 
@@ -163,14 +171,21 @@ class Feed:
         """Extracts the robots' corrections; other transforms, mostly odometry and wheels, are not even decoded."""
         if _FROM_MAP not in message._buff and _FROM_OLD_MAP not in message._buff:
             return
-        for transform in TFMessage().deserialize(message._buff).transforms:
-            robot = self._frames.get(frame_from_message(transform.child_frame_id))
-            if robot is not None and frame_from_message(transform.header.frame_id) == "map":
-                robot.correction = pose_from_transform(transform.transform)
+        try:
+            transforms = TFMessage().deserialize(message._buff).transforms
+        except genpy.DeserializationError as error:
+            raise MessageError(str(error)) from None
+        for transform in transforms:
+            self._take_transform(transform)
+
+    def _on_transform(self, transform: Any) -> None:
+        robot = self._frames.get(frame_from_message(transform.child_frame_id))
+        if robot is not None and frame_from_message(transform.header.frame_id) == "map":
+            robot.correction = pose_from_transform(transform.transform)
 
     def _on_map(self, message: Any) -> None:
         info = message.info
-        self.map_png = png(message.data.reshape(info.height, info.width), MAP)
+        self.map_png = png(conversions.cells_from_grid(message), MAP)
         corner, size = info.origin.position, (info.width * info.resolution, info.height * info.resolution)
         self.station.set_map(corner.x, corner.y, *size)
 
@@ -201,12 +216,13 @@ class Feed:
         )
 
     def _on_replay(self, message: Any) -> None:
-        self.station.replay = [round(value, 1) for value in message.data]
+        self.station.replay = [round(finite(value, "position"), 1) for value in message.data[:2]]
 
     def _on_odom(self, robot: Robot, message: Any) -> None:
         robot.add_odom(time.monotonic(), message.header.stamp.to_sec())
         robot.odometry = pose_from_message(message.pose.pose)
-        robot.linear, robot.angular = message.twist.twist.linear.x, message.twist.twist.angular.z
+        robot.linear = finite(message.twist.twist.linear.x, "linear.x")
+        robot.angular = finite(message.twist.twist.angular.z, "angular.z")
 
     def _on_scan(self, robot: Robot, message: Any) -> None:
         robot.add_scan(time.monotonic(), message.header.stamp.to_sec())
@@ -233,8 +249,10 @@ class Feed:
         robot.battery = round(message.percentage, 2)
 
     def _on_computer(self, robot: Robot, message: Any) -> None:
-        values = {one.key: float(one.value) for one in message.values}
-        robot.load = [round(values["processors"], 2), round(values["memory [byte]"] / 2**20)]
+        values = {one.key: one.value for one in message.values}
+        processors = finite(float(values["processors"]), "processors")
+        memory = finite(float(values["memory [byte]"]), "memory")
+        robot.load = [round(processors, 2), round(memory / 2**20)]
 
     def _on_estimate(self, robot: Robot, message: Any) -> None:
         robot.deviation = deviation_from_covariance(message.pose.covariance)

@@ -273,7 +273,8 @@ class Foxglove:
                     self._announce(visitor)
                 self._follow()
             for visitor in [one for one in self._visitors if not one.socket.scope["still"]()]:
-                await visitor.socket.close(EXPIRED)
+                with contextlib.suppress(RuntimeError):  # it has just disconnected
+                    await visitor.socket.close(EXPIRED)
             await asyncio.sleep(LOOK_EVERY)
 
     def _graph(self) -> tuple[dict[str, str], dict[str, set[str]], dict[str, str]]:

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import ssl
 import time
+import traceback
 from collections.abc import AsyncIterator, Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -82,7 +83,7 @@ class Server:
     ) -> None:  # fmt: skip
         self._feed, self._commander, self._take_in = feed, commander, take_in
         self._colours: dict[str, str] = {}
-        self._stream, self._viewers = Stream(), set[Viewer]()
+        self._stream, self._viewers = Stream(_warn_of_value), set[Viewer]()
         self._wanted_until, self._woken = 0.0, asyncio.Event()
         self.foxglove = Foxglove()
         # A stop waits for no other command, and commands wait for nothing that viewers ask for.
@@ -125,23 +126,28 @@ class Server:
     async def _beat(self) -> None:
         """Updates all pages five times a second; sleeps while there are none."""
         while not rospy.is_shutdown():
-            if not self._is_wanted():
-                await asyncio.to_thread(self._feed.close)
-                self._woken.clear()
-                await self._woken.wait()
             try:
-                await asyncio.to_thread(self._take_in)
-                await asyncio.to_thread(self._feed.open)
+                await self._update()
             except (OSError, rospy.ROSException) as error:
                 rospy.logwarn_throttle(10.0, f"the master does not answer, trying again: {error}")
                 await asyncio.sleep(RETRY)
-                continue
-            began = time.monotonic()
-            self._feed.beat()
-            await asyncio.sleep(TAKEN_IN)
-            if self._viewers:
-                await self._send()
-            await asyncio.sleep(max(0.01, BEAT - (time.monotonic() - began)))
+            except Exception:  # noqa: BLE001 - the outermost loop: pages must not freeze because of one fault
+                rospy.logerr_throttle(60.0, f"the pages' update failed, trying again:\n{traceback.format_exc()}")
+                await asyncio.sleep(RETRY)
+
+    async def _update(self) -> None:
+        if not self._is_wanted():
+            await asyncio.to_thread(self._feed.close)
+            self._woken.clear()
+            await self._woken.wait()
+        await asyncio.to_thread(self._take_in)
+        await asyncio.to_thread(self._feed.open)
+        began = time.monotonic()
+        self._feed.beat()
+        await asyncio.sleep(TAKEN_IN)
+        if self._viewers:
+            await self._send()
+        await asyncio.sleep(max(0.01, BEAT - (time.monotonic() - began)))
 
     def _want(self, seconds: float) -> None:
         """Keeps the subscriptions open for at least ``seconds`` [s] from now; opens them if necessary."""
@@ -214,6 +220,10 @@ class Server:
     def _figures(self) -> bytes:
         with self._feed.lock:
             return figures(self._feed.station, len(self._viewers), time.monotonic())
+
+
+def _warn_of_value(name: str, reason: str) -> None:
+    rospy.logwarn("%s is not shown: %s", name, reason)
 
 
 def _without_tickets(_: uvicorn.Config, default: Callable[[], ssl.SSLContext]) -> ssl.SSLContext:

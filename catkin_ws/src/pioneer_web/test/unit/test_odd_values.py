@@ -1,0 +1,51 @@
+"""One value that cannot be shown costs that value."""
+
+import json
+import math
+
+import pytest
+
+from pioneer_fleet.conversions import MessageError, mount_of
+from pioneer_web.core.robot import Robot
+from pioneer_web.core.station import Station
+from pioneer_web.core.stream import Stream
+
+CIRCLE = """<robot name="r"><joint name="a"><parent link="laser"/><child link="base"/></joint>
+<joint name="b"><parent link="base"/><child link="laser"/></joint></robot>"""
+
+
+def test_a_value_that_json_cannot_hold_is_null_and_named_once() -> None:
+    faults: list[str] = []
+    stream = Stream(lambda name, _: faults.append(name))
+    for time in (1, 2):
+        values = {"time": time, "huge": 10**300, "nan": math.nan, "name": "\udc80"}
+        stream.update(values)
+        assert json.loads(stream.whole()) == {"time": time, "huge": None, "nan": None, "name": None}
+    assert faults == ["huge", "name"]
+
+
+def test_rules_and_links_with_odd_fields_are_shown_as_far_as_they_can() -> None:
+    station = Station()
+    station.robots = [Robot(name="pioneer1", gateway="aadi1_gateway")]
+    station.set_rules([{"action": "flip"}, {}, {"action": "flip", "gateway": "aadi1_gateway", "state": "active"}])
+    for number in ("nan", "inf", "1e300", "x", ""):
+        values = {"rate [Hz]": number, "throughput [byte/s]": "8"}
+        station.add_links([("gateway: to aadi1_gateway /tf", values)])
+        network = station.values(1.0)["network"]["aadi1_gateway"]
+        assert (network["rules"], network["active"], network["rate"], network["bytes"]) == (1, 1, 0, 8)
+
+
+def test_names_of_links_and_models_are_bounded() -> None:
+    station = Station()
+    values = {"rate [Hz]": "1", "throughput [byte/s]": "8", "dropped": "0"}
+    station.add_links((f"gateway: to ghost{number} /tf", values) for number in range(3000))
+    assert len(station.links) <= 1000
+    station.set_models((f"box{number}", 0.0, 0.0) for number in range(9000))
+    station.set_models((f"ball{number}", 0.0, 0.0) for number in range(9000))
+    assert len(station.values(1.0)["actors"]) <= 5000
+
+
+def test_a_robot_description_that_is_a_circle_or_no_xml_ends() -> None:
+    assert mount_of(CIRCLE, "laser").x == 0.0
+    with pytest.raises(MessageError, match="not XML"):
+        mount_of("<robot", "laser")
