@@ -2,14 +2,16 @@
 
 import math
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
-from pioneer_gazebo.adapters.learning import EXTRA, PioneerEnv, PioneerParallelEnv
+from pioneer_gazebo.adapters.learning import EXTRA, PioneerEnv, PioneerParallelEnv, _free_space
 from pioneer_gazebo.adapters.learning import pioneer as pioneer_description
 from pioneer_gazebo.core.robot import Robot
 
@@ -109,3 +111,52 @@ def test_a_second_of_processor_takes_many_steps_of_many_agents(pioneer: Robot, r
     record_property("agent_steps_per_cpu_second", rate)
     env.close()
     assert rate > 600
+
+
+def rooms(folder: Path) -> Path:
+    """Returns a world's file with its map beside it: two closed rooms of 5 m by 6 m, with a wall at x = 5."""
+    (folder / "rooms.world").write_text("<sdf version='1.6'><world name='rooms'></world></sdf>")
+    cells = np.full((60, 100), 254, np.uint8)
+    cells[[0, -1], :] = 0
+    cells[:, [0, 49, 50, -1]] = 0
+    (folder / "rooms.pgm").write_bytes(b"P5\n100 60\n255\n" + cells.tobytes())
+    (folder / "rooms.yaml").write_text(
+        "image: rooms.pgm\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    return folder / "rooms.world"
+
+
+def test_random_goals_can_be_reached_from_given_starts_and_starts_from_given_goals(tmp_path: Path) -> None:
+    free = _free_space(rooms(tmp_path))
+    rng = np.random.default_rng(1)
+    for _ in range(40):
+        ((_, goal),) = free.places(rng, [(1.0, 3.0)], [None], 0.6)
+        assert goal[0] < 5.0
+        assert math.dist(goal, (1.0, 3.0)) >= 0.6
+        ((start, _),) = free.places(rng, [None], [(9.0, 3.0)], 0.6)
+        assert start[0] > 5.0
+        assert math.dist(start, (9.0, 3.0)) >= 0.6
+        ((start, goal),) = free.places(rng, [None], [None], 0.6)
+        assert (start[0] < 5.0) == (goal[0] < 5.0)
+    with pytest.raises(ValueError, match=r"no robot has room at \(5, 3\)"):
+        free.places(rng, [(5.0, 3.0)], [None], 0.6)
+
+
+def test_a_step_without_an_episode_is_a_typed_error(pioneer: Robot) -> None:
+    env = PioneerParallelEnv("small_world", 1, description=pioneer, limit=1)
+    nothing = {"pioneer1": np.zeros(2, np.float32)}
+    with pytest.raises(ResetNeeded, match="call reset first"):
+        env.step(nothing)
+    env.reset(seed=1)
+    env.step(nothing)
+    with pytest.raises(ResetNeeded, match="call reset first"):
+        env.step(nothing)
+    env.close()
+
+
+@pytest.mark.parametrize("options", [{"robots": -1}, {"robots": 0}, {"step": 0.0}, {"step": -0.1}, {"limit": 0}])
+def test_numbers_out_of_range_are_refused(pioneer: Robot, options: dict[str, float]) -> None:
+    (name,) = options
+    with pytest.raises(ValueError, match=f"{name} must be"):
+        PioneerParallelEnv("small_world", description=pioneer, **options)  # type: ignore[arg-type]

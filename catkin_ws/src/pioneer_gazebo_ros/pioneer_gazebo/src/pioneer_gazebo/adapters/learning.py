@@ -36,6 +36,7 @@ from pioneer_gazebo.core.simulation import Simulation
 
 try:
     from gymnasium import Env, spaces
+    from gymnasium.error import ResetNeeded
     from pettingzoo import ParallelEnv
 except ImportError as error:
     raise ImportError(f"learning needs gymnasium and pettingzoo (pip install gymnasium pettingzoo): {error}") from error
@@ -44,7 +45,11 @@ Array = NDArray[np.float32]
 EXTRA = 5
 """Values after the laser ranges in an observation: goal distance, sine and cosine of its bearing, speed, turn rate."""
 
+Place = tuple[float, float]
+"""x, y in the world [m]."""
+
 _CLEARANCE, _APART = 0.45, 1.2
+_SHORTEST_STEP = 0.01
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,8 +109,14 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
 
         Raises:
             SimulatorError: there is no such world, or it cannot be read.
-            ValueError: the numbers of robots, starts and goals differ.
+            ValueError: the numbers of robots, starts and goals differ, or a number is out of its range.
         """
+        if robots < 1:
+            raise ValueError(f"robots must be 1 or more, not {robots}")
+        if not _SHORTEST_STEP <= step < math.inf:
+            raise ValueError(f"step must be {_SHORTEST_STEP:g} s or more, not {step:g}")
+        if limit < 1:
+            raise ValueError(f"limit must be 1 or more, not {limit}")
         for name, given in (("starts", starts), ("goals", goals)):
             if given and len(given) != robots:
                 raise ValueError(f"{name} must be {robots}, one a robot, not {len(given)}")
@@ -151,22 +162,37 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         self.agents = list(self.possible_agents)
         self._entities = dict[str, Entity]()
         self._goals = dict[str, tuple[float, float]]()
-        places: list[tuple[Any, Any]] = []
-        if self._free is not None:
-            places = self._free.places(self._rng, len(self.agents))
+        places = self._places()
         for number, agent in enumerate(self.agents):
             turned = float(self._rng.uniform(-math.pi, math.pi))
-            x, y, yaw = self._starts[number] if self._starts else (*places[number][0], turned)
+            (x, y), goal = places[number]
+            yaw = self._starts[number][2] if self._starts else turned
             pose = Pose((float(x), float(y), 0.0), quaternion_from_rpy(0.0, 0.0, float(yaw)))
             self._entities[agent] = self._simulation.add_robot(agent, agent, self._robot, pose)
-            self._goals[agent] = self._goals_given[number] if self._goals_given else places[number][1]
+            self._goals[agent] = goal
         self._count, self._distances = 0, {agent: self._distance(agent) for agent in self.agents}
         return {agent: self._observation(agent) for agent in self.agents}, {agent: {} for agent in self.agents}
+
+    def _places(self) -> list[tuple[Place, Place]]:
+        """Returns each robot's start and goal."""
+        starts = [(float(x), float(y)) for x, y, _ in self._starts]
+        goals = [(float(x), float(y)) for x, y in self._goals_given]
+        if self._free is None:
+            return list(zip(starts, goals, strict=True))
+        nothing = [None] * len(self.possible_agents)
+        # A goal within tolerance would end the episode in its first step.
+        return self._free.places(self._rng, starts or nothing, goals or nothing, 2.0 * self._tolerance)
 
     def step(
         self, actions: dict[str, Array]
     ) -> tuple[dict[str, Array], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
-        """Advances all robots; returns observations, rewards, terminations, truncations and infos (``state``)."""
+        """Advances all robots; returns observations, rewards, terminations, truncations and infos (``state``).
+
+        Raises:
+            ResetNeeded: no episode runs.
+        """
+        if not self.agents:
+            raise ResetNeeded("no episode runs: call reset first")
         for agent in self.agents:
             speed, turn = map(float, np.clip(actions[agent], -1.0, 1.0) * self._most)
             drive = self._entities[agent].drives[0]
@@ -258,22 +284,57 @@ class _FreeSpace:
     def __init__(self, xy: NDArray[np.float64], part: NDArray[np.intp]) -> None:
         self._xy, self._part = xy, part
 
-    def places(self, rng: np.random.Generator, robots: int) -> list[tuple[tuple[float, float], tuple[float, float]]]:
-        """Returns a start and a reachable goal for each robot, with all starts and all goals spaced apart."""
-        starts, goals = list[int](), list[int]()
-        for _ in range(robots):
-            starts.append(self._far(rng, starts, np.ones(len(self._xy), bool)))
-            goals.append(self._far(rng, goals, self._part == self._part[starts[-1]]))
-        where = [(float(x), float(y)) for x, y in self._xy]
-        return [(where[start], where[goal]) for start, goal in zip(starts, goals, strict=True)]
+    def places(
+        self, rng: np.random.Generator, starts: Sequence[Place | None], goals: Sequence[Place | None], apart: float
+    ) -> list[tuple[Place, Place]]:
+        """Returns a start and a goal for each robot: those given, else random ones that reach each other.
 
-    def _far(self, rng: np.random.Generator, taken: list[int], allowed: NDArray[np.bool_]) -> int:
-        for other in taken:
-            allowed = allowed & (np.hypot(*(self._xy - self._xy[other]).T) >= _APART)
+        Args:
+            rng: random generator.
+            starts: each robot's start; None for a random one.
+            goals: each robot's goal; None for a random one.
+            apart: smallest distance from a robot's start to its goal [m], if one of them is random.
+
+        Raises:
+            ValueError: a given place has no room, or there is none for so many robots.
+        """
+        taken_starts: list[Place] = [start for start in starts if start is not None]
+        taken_goals: list[Place] = [goal for goal in goals if goal is not None]
+        pairs: list[tuple[Place, Place]] = []
+        for start, goal in zip(starts, goals, strict=True):
+            if start is None:
+                start = self._drawn(rng, taken_starts, goal, apart)
+                taken_starts.append(start)
+            if goal is None:
+                goal = self._drawn(rng, taken_goals, start, apart)
+                taken_goals.append(goal)
+            pairs.append((start, goal))
+        return pairs
+
+    def _drawn(self, rng: np.random.Generator, taken: Sequence[Place], other: Place | None, apart: float) -> Place:
+        """Returns a random place away from those taken; from ``other``, it can be reached and is not too near."""
+        allowed = np.ones(len(self._xy), bool)
+        for place in taken:
+            allowed &= self._distances(place) >= _APART
+        if other is not None:
+            allowed &= (self._part == self._part_at(other)) & (self._distances(other) >= apart)
         cells = np.flatnonzero(allowed)
         if not len(cells):
             raise ValueError("the world has no room for so many robots")
-        return int(rng.choice(cells))
+        x, y = self._xy[rng.choice(cells)]
+        return float(x), float(y)
+
+    def _distances(self, place: Place) -> NDArray[np.float64]:
+        distances: NDArray[np.float64] = np.hypot(*(self._xy - place).T)
+        return distances
+
+    def _part_at(self, place: Place) -> int:
+        """Returns the part of the free cell nearest to a place."""
+        distances = self._distances(place)
+        nearest = int(distances.argmin())
+        if distances[nearest] > _CLEARANCE:
+            raise ValueError(f"no robot has room at ({place[0]:g}, {place[1]:g})")
+        return int(self._part[nearest])
 
 
 def _free_space(world: Path) -> _FreeSpace:
