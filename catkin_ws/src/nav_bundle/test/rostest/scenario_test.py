@@ -16,7 +16,10 @@ from scenario_world import START_UP, World
 from nav_bundle.core.pose import Pose
 from pioneer_harness.wait import wait_until
 
-NO_PLAN = (GoalStatus.ABORTED, "Failed to find a valid plan. Even after executing recovery behaviors.")
+NO_PLAN = (
+    GoalStatus.ABORTED,
+    "Failed to find a valid plan. Even after executing recovery behaviors. No way to the goal is known.",
+)
 RECOVERIES = ["conservative_reset", "rotate_recovery", "aggressive_reset", "rotate_recovery"]
 GARAGE = Pose(27.5, 1.5, 0.0)
 TOLERANCE = 0.25 + 0.1

@@ -4,22 +4,20 @@ The node fills a ``Sight`` from topics and transforms and publishes the content 
 both itself.
 """
 
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core.costmap.cost import INSCRIBED
 from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.followed_plan import FollowedPlan, cost_of
 from nav_bundle.core.local_planner import Decision, LocalPlannerError, Situation, Velocity
 from nav_bundle.core.move_base import (
     Event,
     Finish,
     FollowPlan,
     Inputs,
+    Outcome,
     Phase,
     PlanOutcome,
     StartPlanning,
@@ -31,23 +29,26 @@ from nav_bundle.core.move_base import (
     advance,
 )
 from nav_bundle.core.move_base_config import Setup
-from nav_bundle.core.navfn import NavfnSearch
+from nav_bundle.core.plan_choice import PlanChoice
 from nav_bundle.core.planner import Path, PlannerError, Search
 from nav_bundle.core.pose import Pose
 from nav_bundle.core.pushing import Picture, PushingWatch
+from nav_bundle.core.reason import (
+    DOES_NOT_MOVE,
+    NO_REASON,
+    NO_SENSOR_DATA,
+    Condition,
+    Reason,
+    failure,
+    goal_reason,
+    way_blocked,
+    without_progress,
+)
 from nav_bundle.core.recovery import BackUp, Recovery, Surroundings
 
 # Number of cells a search may visit in one cycle: about 60 ms while the robot stands, 8 ms while it drives.
 _CELLS_STANDING = 2_000_000
 _CELLS_DRIVING = 250_000
-_SAME_PLACE = 1.0
-"""Plans that are blocked less than this distance [m] apart are blocked by the same obstacle."""
-_BLOCKED_NEAR = 1.5
-"""A robot without another plan stops at this distance [m] from the place where its plan is blocked."""
-_SURELY_FREE = 3.0
-"""A place where a plan was blocked counts as passable after this time [s] without an obstacle."""
-_BETTER = 0.9
-"""A plan that leads another way replaces the current one if its cost is below this share of the current one's."""
 _NOBODY = np.empty((0, 2))
 _NO_POSE = "Unable to get starting pose of robot, unable to create global plan"
 
@@ -61,6 +62,23 @@ class Sight:
     local_from_global: Pose | None = None  #: pose of the global costmap's frame in the local costmap's frame
     velocity: Velocity | None = None  #: measured velocity
     current: bool = False  #: sensor data, odometry and transforms are recent enough to drive
+    #: other robots' poses by name, in the global costmap's frame
+    robots: Mapping[str, Pose] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Report:
+    """What the robot is doing, why it does not arrive, and since when [s]."""
+
+    condition: Condition = Condition.IDLE
+    reason: Reason = NO_REASON
+    since: float = 0.0
+
+    def text(self) -> str:
+        """Returns the report for people."""
+        if not self.reason.text:
+            return self.condition.value
+        return f"{self.condition.value}: {self.reason.text}"
 
 
 @dataclass(eq=False)
@@ -97,16 +115,14 @@ class Navigator:
         self._goal: Pose | None = None
         self._search: Search | PlannerError | None = None  #: the error if the search could not start
         self._path: Path | None = None
-        self._followed: FollowedPlan | None = None
-        self._blocked_at: tuple[float, float] | None = None
-        self._discovered = False
-        # The places (x, y) where plans for this goal were blocked, and when each was last seen blocked.
-        self._found_blocked: dict[tuple[float, float], float] = {}
-        self._cleared: list[NDArray[np.float64]] = []  # obstacles known before each recovery behaviour (n, 2) [m]
+        self._choice = PlanChoice()
         self._recovery: Recovery | None = None
         self._unmapped: NDArray[np.float64] = _NOBODY
         self._pushing = PushingWatch(setup.base.pushing_timeout)
         self._command: Velocity | None = None
+        self._robots: Mapping[str, Pose] = {}
+        self._failure = NO_REASON  # why the last goal was given up
+        self.report = Report()  #: state after the last cycle
 
     def cell_costs(self) -> NDArray[np.float64]:
         """Returns the local costmap's cell costs of the last decision (n, 6); see ``Rollout.cell_costs``."""
@@ -125,35 +141,16 @@ class Navigator:
         self._pushing = PushingWatch(setup.base.pushing_timeout)
         if not setup.drives_as(before):
             self._controller = setup.make_local_planner()
-            if self._followed is not None:
-                self._controller.set_plan(self._followed.path)
+            if self._choice.followed is not None:
+                self._controller.set_plan(self._choice.followed.path)
 
     def look_around(self, pose: Pose | None, now: float) -> None:
         """Finds unmapped obstacles near ``pose`` and on the plan; call it after each update of the global costmap."""
         base = self._setup.base
-        self._check_plan(pose, now)
+        self._choice.check(self._global, pose, now)
         self._unmapped = _NOBODY
         if pose is not None:
             self._unmapped = self._global.unmapped(pose, base.meeting_distance, base.meeting_min_width)
-
-    def _check_plan(self, pose: Pose | None, now: float) -> None:
-        """Finds the first place ahead where the plan is blocked, and whether it is a new one."""
-        if self._followed is None or pose is None:
-            self._blocked_at = None
-            return
-        for known in self._found_blocked:
-            if self._global.cost_of_cell(*known) >= INSCRIBED:
-                self._found_blocked[known] = now
-        self._blocked_at = place = self._followed.blocked_at(self._global, pose)
-        if place is not None:
-            self._discovered |= not self._is_known(place)
-            self._found_blocked[place] = now
-
-    def _is_known(self, place: tuple[float, float]) -> bool:
-        """Returns whether the obstacle at ``place`` was found for this goal before, maybe cleared by a recovery."""
-        if any(math.dist(place, known) < _SAME_PLACE for known in self._found_blocked):
-            return True
-        return any(np.hypot(*(points - place).T).min(initial=np.inf) < _SAME_PLACE for points in self._cleared)
 
     def look_at(self, picture: Picture) -> None:
         """Adds a scan, in the local costmap's frame, to the pushing detection."""
@@ -163,9 +160,8 @@ class Navigator:
     def begin(self, goal: Pose, pose: Pose | None, now: float) -> Cycle:
         """Starts a new goal, in the global costmap's frame, from ``pose``."""
         self._goal = goal
-        self._followed, self._blocked_at = None, None
-        self._found_blocked = {}
-        self._cleared = []
+        self._choice = PlanChoice()
+        self._failure = NO_REASON
         return self._advance(Inputs(new_goal=True, pose=pose), pose, now, Cycle())
 
     def restart(self, pose: Pose | None, now: float) -> Cycle:
@@ -181,32 +177,20 @@ class Navigator:
         result = Cycle()
         if self._state.phase is Phase.IDLE:
             return result
+        self._robots = sight.robots
         current = sight.current and sight.pose is not None and sight.local_pose is not None
         inputs = Inputs(
             pose=sight.pose,
             current=current,
             meeting=len(self._unmapped) > 0,
-            remaining=self._remaining(sight.pose),
-            blocked=self._blocked_at is not None,
-            blocked_near=self._is_blocked_near(sight.pose),
-            discovered=self._discovered,
+            remaining=self._choice.remaining(sight.pose),
+            blocked=self._choice.blocked_at is not None,
+            blocked_near=self._choice.is_blocked_near(sight.pose),
+            discovered=self._choice.take_discovery(),
         )
-        self._discovered = False
         if current:
             inputs = self._worked_out(inputs, sight, now, result)
         return self._advance(inputs, sight.pose, now, result)
-
-    def _remaining(self, pose: Pose | None) -> float | None:
-        """Returns the remaining way by the plan [m]; None without a plan, or if it is blocked."""
-        if pose is None or self._followed is None:
-            return None
-        remaining = self._followed.pass_by(pose)
-        return remaining if self._blocked_at is None else None
-
-    def _is_blocked_near(self, pose: Pose | None) -> bool:
-        """Returns whether the plan is blocked so near that driving on leads nowhere."""
-        place = self._blocked_at
-        return place is not None and pose is not None and math.dist(place, (pose.x, pose.y)) < _BLOCKED_NEAR
 
     def _worked_out(self, inputs: Inputs, sight: Sight, now: float, result: Cycle) -> Inputs:
         """Returns the inputs, completed with the outcomes of search, local planner and recovery."""
@@ -275,7 +259,35 @@ class Navigator:
         if inputs.new_goal:
             # Nothing that the local planner remembers of the last goal applies to this one, even at the same place.
             self._controller = self._setup.make_local_planner()
+        condition, reason = self._condition(inputs, pose, now)
+        if (condition, reason.code) != (self.report.condition, self.report.reason.code):
+            self.report = Report(condition, reason, now)
         return result
+
+    def _condition(self, inputs: Inputs, pose: Pose | None, now: float) -> tuple[Condition, Reason]:
+        """Returns what the robot is doing, and why it does not arrive."""
+        state = self._state
+        if state.phase is Phase.IDLE:
+            return (Condition.FAILED if self._failure is not NO_REASON else Condition.IDLE), self._failure
+        if not (inputs.current or inputs.new_goal):
+            return Condition.BLOCKED, NO_SENSOR_DATA
+        reason = self._hindrance(pose, now)
+        if state.phase is Phase.CLEARING:
+            pushes = state.trigger is Trigger.PUSHING
+            return Condition.RECOVERING, DOES_NOT_MOVE if pushes else reason or without_progress(state.trigger, pose)
+        return (Condition.DRIVING, NO_REASON) if reason is None else (Condition.BLOCKED, reason)
+
+    def _hindrance(self, pose: Pose | None, now: float) -> Reason | None:
+        """Returns what keeps the robot from driving to its goal; None while it makes progress."""
+        assert self._goal is not None
+        stands = self._state.phase is not Phase.CONTROLLING
+        blocked_at = self._choice.blocked_at
+        if blocked_at is not None and (stands or self._choice.is_blocked_near(pose)):
+            return goal_reason(self._global, self._goal, self._robots) or way_blocked(blocked_at, self._robots)
+        progress = self._state.progress
+        if now - max(progress.since, progress.changed) > self._setup.limits.progress.timeout / 2.0:
+            return without_progress(None, pose)
+        return None
 
     def _handle(self, event: Event, pose: Pose | None, now: float, result: Cycle) -> None:
         match event:
@@ -285,47 +297,32 @@ class Navigator:
                 self._search = None
             case FollowPlan():
                 assert self._path is not None
-                self._follow(self._path, result.found, now)
-                assert self._followed is not None
-                result.plan = self._followed.path
+                if self._choice.takes(self._path, result.found, now):
+                    self._controller.set_plan(self._path)
+                assert self._choice.followed is not None
+                result.plan = self._choice.followed.path
             case StartRecovery(index, trigger):
                 chosen: Recovery = self._setup.recoveries[index]
                 chosen = BackUp(chosen) if trigger is Trigger.PUSHING else chosen
                 chosen.start()
                 self._recovery = chosen
-                self._cleared.append(self._global.marked())
+                self._choice.note_cleared(self._global.marked())
                 result.recovery = event
             case Finish():
-                self._goal, self._followed, self._recovery = None, None, None
-                result.finish = event
+                result.finish = self._explained(event, pose)
+                self._goal, self._recovery = None, None
+                self._choice = PlanChoice()
             case Warn(text):
                 result.warnings.append(text)
 
-    def _follow(self, path: Path, search: Search | None, now: float) -> None:
-        """Follows ``path`` from now on, unless the current plan is as good."""
-        followed = self._followed
-        if followed is not None and not self._is_better(path, followed, search, now):
-            return
-        self._followed = FollowedPlan(path)
-        self._blocked_at = None
-        self._controller.set_plan(path)
-
-    def _is_better(self, path: Path, followed: FollowedPlan, search: Search | None, now: float) -> bool:
-        """Returns whether a new plan replaces the one that is followed.
-
-        It does not where both lead different ways at nearly the same cost, or where it leads past a place that was
-        blocked a moment ago: a robot that changes its mind halfway arrives nowhere.
-        """
-        if self._blocked_at is not None or followed.is_astray or followed.leads_as(path):
-            return True
-        if not isinstance(search, NavfnSearch) or not np.array_equal(path[-1], followed.path[-1]):
-            return True
-        doubtful = [place for place, time in self._found_blocked.items() if now - time < _SURELY_FREE]
-        if any(np.hypot(path[:, 0] - x, path[:, 1] - y).min() < _SAME_PLACE for x, y in doubtful):
-            return False
-        costs, weights = search.costs, search.weights
-        now = cost_of(followed.ahead, costs, search.geometry, weights)
-        return cost_of(path, costs, search.geometry, weights) < _BETTER * now
+    def _explained(self, finish: Finish, pose: Pose | None) -> Finish:
+        """Returns ``finish`` with the reason in its text, if the goal was given up."""
+        if finish.outcome is not Outcome.ABORTED:
+            return finish
+        assert self._goal is not None
+        blocked = self._choice.last_blocked
+        self._failure = failure(finish.trigger, self._global, self._goal, pose, blocked, self._robots)
+        return replace(finish, text=f"{finish.text} {self._failure.sentence()}")
 
     def _start_planning(self, pose: Pose | None) -> None:
         """Starts a search; if the start or goal is outside the map, it fails in the next cycle."""

@@ -215,7 +215,8 @@ class CostmapNode:
         if pose is None or map_places is None:
             return False
         self._updated = now
-        changed = self.costmap.update(pose, self._observations(now), self._other_robots(now), map_places)
+        robots = list(self.other_robots(now).values())
+        changed = self.costmap.update(pose, self._observations(now), robots, map_places)
         self._changed = self._changed.joined(changed)
         self._publish(now, pose)
         return True
@@ -258,16 +259,16 @@ class CostmapNode:
         self._unplaced.end()
         return places
 
-    def _other_robots(self, now: float) -> list[Pose]:
-        """Returns the poses of the other robots that are known and recent."""
-        found = []
+    def other_robots(self, now: float) -> dict[str, Pose]:
+        """Returns the poses of the fleet layer's other robots that are known and recent, by name."""
+        found = {}
         for layer in self._others:
             for frame in layer.frames():
                 if frame == self.base_frame:
                     continue
                 try:
                     if now - self._listener.latest(self.frame, frame) <= layer.timeout:
-                        found.append(self._listener.lookup(self.frame, frame).planar())
+                        found[frame.rpartition("/")[0]] = self._listener.lookup(self.frame, frame).planar()
                 except TransformError as error:
                     rospy.logdebug("%s: no other robot at %s: %s", self.name, frame, error)
         return found

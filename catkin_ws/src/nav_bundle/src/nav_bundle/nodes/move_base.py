@@ -30,13 +30,15 @@ from nav_bundle.core.local_planner import Velocity
 from nav_bundle.core.move_base import Phase, StartRecovery
 from nav_bundle.core.move_base_config import Setup, setup_from_parameters
 from nav_bundle.core.navfn import NavfnSearch
-from nav_bundle.core.navigator import Cycle, Navigator, Sight
+from nav_bundle.core.navigator import Cycle, Navigator, Report, Sight
 from nav_bundle.core.planner import GoalOutsideError, NoPathError, Path, PlannerError, Search
 from nav_bundle.core.pose import Pose
+from nav_bundle.core.reason import Condition
 from nav_bundle.core.transform import TransformError
 from nav_bundle.nodes.costmap import CostmapNode
 from nav_bundle.nodes.move_base_action import GoalServer
 from nav_bundle.nodes.move_base_reconfigure import Reconfiguration
+from nav_bundle.nodes.navigation_state import StatePublisher
 from nav_bundle.nodes.reason import Reason
 from nav_bundle.nodes.sensor import Newest
 from nav_bundle.nodes.transform import TransformListener
@@ -124,6 +126,8 @@ class MoveBaseNode:
         self._velocity = rospy.Publisher("cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
         self._shown = _Shown.of(self._setup)
         self._safety_stop = Reason("~safety_stop")
+        self._state = StatePublisher(self._global.frame)
+        self._state.show(Report(Condition.STARTING), rospy.get_time())
         self._recovery_status = rospy.Publisher("~recovery_status", RecoveryStatus, queue_size=1)
         self._clock = ClockWatch(simulated=not rospy.rostime.is_wallclock())
         self._last, self._heard, self._complete = -np.inf, False, False
@@ -205,6 +209,7 @@ class MoveBaseNode:
             elif jump is Jump.STEP:
                 self._forget_times(now, before - now)
             self._cycle(now)
+            self._state.show(self._navigator.report, now)
         if not self._heard and self._odometry.received is not None:
             self._heard = True
             rospy.loginfo("odom received!")
@@ -263,6 +268,7 @@ class MoveBaseNode:
     def _sight(self, now: float) -> Sight:
         """Returns the robot's current state, as far as it is known; publishes why it may not drive."""
         pose, local_pose = self._global.pose(now), self._local.pose(now)
+        robots = self._global.other_robots(now)
         try:
             velocity = self._measured_velocity(now)
             fault = self._global.fault(now) or self._local.fault(now)
@@ -276,8 +282,8 @@ class MoveBaseNode:
             self._blind.end()
         self._safety_stop.publish(fault, now)
         if fault:
-            return Sight(pose)
-        return Sight(pose, local_pose, transform, velocity, True)
+            return Sight(pose, robots=robots)
+        return Sight(pose, local_pose, transform, velocity, True, robots)
 
     def _measured_velocity(self, now: float) -> Velocity:
         """Returns the robot's velocity; raises MessageError without recent odometry."""
