@@ -1,7 +1,7 @@
 """The move_base node: costmaps, planners and recovery behaviours behind one action."""
 
 import threading
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import rospy
@@ -37,7 +37,7 @@ from nav_bundle.core.reason import Condition
 from nav_bundle.core.transform import TransformError
 from nav_bundle.nodes.costmap import CostmapNode
 from nav_bundle.nodes.move_base_action import GoalServer
-from nav_bundle.nodes.move_base_reconfigure import Reconfiguration
+from nav_bundle.nodes.move_base_reconfigure import Reconfiguration, outline_parameters
 from nav_bundle.nodes.navigation_state import StatePublisher
 from nav_bundle.nodes.reason import Reason
 from nav_bundle.nodes.sensor import Newest
@@ -74,16 +74,6 @@ class _Shown(NamedTuple):
         )
 
 
-def _outline_parameters() -> dict[str, Any]:
-    """Returns the robot's outline from the namespaces around the node: costmap_2d searches it upwards."""
-    found = {}
-    for name in ("footprint", "robot_radius"):
-        key = rospy.search_param(name)
-        if key:
-            found[name] = rospy.get_param(key)
-    return found
-
-
 class MoveBaseNode:
     """Drives the robot to goals.
 
@@ -111,7 +101,7 @@ class MoveBaseNode:
     """
 
     def __init__(self) -> None:
-        self._parameters = {**_outline_parameters(), **entry.parameters()}
+        self._parameters = {**outline_parameters(), **entry.parameters()}
         self._setup: Setup = setup_from_parameters(self._parameters, rospy.get_name())
         self._listener = TransformListener(future_limit=self._setup.base.transform_future_limit)
         self._global = CostmapNode("global_costmap", self._setup.global_costmap, self._listener)

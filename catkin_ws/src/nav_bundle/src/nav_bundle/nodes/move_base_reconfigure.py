@@ -59,3 +59,13 @@ class Reconfiguration:
 
 
 _BAD_INPUT = (ParameterError, FootprintError)
+
+
+def outline_parameters() -> dict[str, Any]:
+    """Returns the robot's outline from the namespaces around the node: costmap_2d searches it upwards."""
+    found = {}
+    for name in ("footprint", "robot_radius"):
+        key = rospy.search_param(name)
+        if key:
+            found[name] = rospy.get_param(key)
+    return found
