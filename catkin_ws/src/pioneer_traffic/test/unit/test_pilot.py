@@ -122,6 +122,19 @@ def test_a_goal_is_reached_stretch_by_stretch() -> None:
     assert robot.position == (8.0, 0.0)
 
 
+def test_a_goal_beside_a_place_is_reached_from_its_far_side() -> None:
+    """The robot stopped within move_base's tolerance of the goal, too far from the place: it waited for ever."""
+    robot = Robot()
+    robot.step(NewRoadmap(ROW), NewGoal((6.13, 0.0)))
+    while robot.stop is None or not robot.stop.final:
+        robot.step()
+    robot.goes = False
+    robot.position = (6.37, 0.0)
+    robot.end_stretch(Outcome.REACHED)
+    robot.run(10.0)
+    assert [finish.outcome for finish in robot.finished] == [Outcome.REACHED]
+
+
 STOPS = {
     "the goal by its client": GoalCancelled("the goal was cancelled"),
     "all goals": CancelRequested(everything=True),
@@ -168,14 +181,13 @@ def test_a_stop_counts_without_a_position_and_without_a_map() -> None:
     actions = robot.step(GoalCancelled("cancelled"))
     assert CancelDrive() in actions
     waiting = Robot()
-    waiting.step(NewGoal((1.0, 0.0)))
-    waiting.step(GoalCancelled("cancelled"))
+    waiting.step(NewGoal((1.0, 0.0)), GoalCancelled("cancelled"))
     assert [finish.outcome for finish in waiting.finished] == [Outcome.CANCELLED]
 
 
 def test_a_cancel_of_other_goals_does_not_stop_the_robot() -> None:
     robot = driving_robot()
-    robot.step(CancelRequested(number=0, stamp=0.0), CancelRequested(stamp=1.0))
+    robot.step(CancelRequested(stamp=1.0))
     robot.run(20.0)
     assert [finish.outcome for finish in robot.finished] == [Outcome.REACHED]
 

@@ -13,8 +13,8 @@ class CoordinatorConfig:
     lease: float = 2.0  #: a robot silent for longer counts as lost: an obstacle at its last reported position
     patience: float = 20.0  #: time-out at the start for expected robots
     replan_period: float = 0.4  #: minimum time between two plans of one robot
-    #: distance from what it holds above which a robot counts as an obstacle at its position: more than ``reach``
-    stray: float = 0.4
+    #: distance from what it holds above which a robot counts as an obstacle at its position: at least 1.5 ``reach``
+    stray: float = 0.45
     carried: float = 1.0  #: distance from what it holds above which a robot has been carried elsewhere
     memory: float = 300.0  #: a robot silent for longer is forgotten
 

@@ -17,7 +17,15 @@ from dataclasses import replace
 
 from pioneer_traffic.core.config import CoordinatorConfig
 from pioneer_traffic.core.geometry import Point, distance_to_segment
-from pioneer_traffic.core.neighbours import Neighbours, comes_by, ground_wanted, hear_each_other, is_ready
+from pioneer_traffic.core.neighbours import (
+    Neighbours,
+    comes_by,
+    ground_wanted,
+    hear_one_another,
+    held_outside,
+    is_ready,
+    partners_of,
+)
 from pioneer_traffic.core.planning import planned
 from pioneer_traffic.core.report import Plan, PlanId, Report, Wait
 from pioneer_traffic.core.roadmap import Roadmap
@@ -141,7 +149,7 @@ class Coordinator:
         self._progress()
         self._make_plan_if_due(fresh, now)
         self._follow_newest(fresh)
-        if self._own.ready == self._plan.id and self._hear_one_another(fresh):
+        if self._own.ready == self._plan.id and hear_one_another(self._plan, self._own.robot, fresh):
             self._take(fresh)
             self._leave(fresh)
         self._visit()
@@ -169,6 +177,13 @@ class Coordinator:
 
     def _place(self, index: int) -> Point:
         return self._roadmap.places[self._track[index]]
+
+    def _is_at_place(self, index: int) -> bool:
+        """Returns whether the robot is at a place taken, or at its waypoint right beside its goal's place."""
+        if self._is_near(self._place(index)):
+            return True
+        is_goal = self._track[index] == self._own.goal and not self._own.region
+        return is_goal and self._waypoint is not None and self._is_near(self._waypoint)
 
     def _is_near(self, point: Point) -> bool:
         return math.dist(self._own.position, point) <= self._config.reach
@@ -214,7 +229,7 @@ class Coordinator:
             return
         if self._own.out:
             return
-        near = (index for index in range(len(self._track) - 1, -1, -1) if self._is_near(self._place(index)))
+        near = (index for index in range(len(self._track) - 1, -1, -1) if self._is_at_place(index))
         passed = next(near, -1)
         if passed >= 0:
             # Navigation chooses its own path to the end of the route: it may have bypassed the first place.
@@ -276,7 +291,7 @@ class Coordinator:
         is_settled = now - self._met_at >= config.lease and now - self._made_at >= config.replan_period
         if not (is_complete and is_settled):
             return
-        reports = self._partners(fresh)
+        reports = partners_of(self._own, fresh)
         if not reports or self._own.robot != min(report.robot for report in reports):
             return
         barred = self._neighbours.barred({report.robot for report in reports}, self._obstacles)
@@ -291,16 +306,6 @@ class Coordinator:
         number = 1 + max(report.ready.number for report in (self._own, *self._neighbours.reports.values()))
         plan = planned(self._roadmap, reports, barred, PlanId(number, self._own.robot))
         self._own = replace(self._own, plan=plan)
-
-    def _partners(self, fresh: dict[str, Report]) -> list[Report]:
-        """Returns the reports of the robots to plan for; they hear one another, and no two claim one place."""
-        found, claimed = list[Report](), set[int]()
-        everyone = [self._own, *fresh.values()]
-        for report in sorted(everyone, key=lambda report: (report.adopted == PlanId(), report.robot)):
-            if report.held and not claimed & set(report.held) and all(hear_each_other(report, one) for one in found):
-                found.append(report)
-                claimed.update(report.held)
-        return sorted(found, key=lambda report: report.robot)
 
     def _is_overtaken(self, reports: Sequence[Report], now: float) -> bool:
         """Returns whether this robot's last plan is obsolete: not the newest, impossible to adopt, or completed."""
@@ -333,14 +338,10 @@ class Coordinator:
             self._own = replace(self._own, adopted=newest.id)
             self._publish_held()
 
-    def _hear_one_another(self, fresh: dict[str, Report]) -> bool:
-        own = self._own.robot
-        return all(name == own or (name in fresh and own in fresh[name].heard) for name in self._plan.paths)
-
     def _take(self, fresh: dict[str, Report]) -> None:
         """Takes the next places of the path, unless another robot has to pass first or an outsider holds them."""
         path = self._plan.paths.get(self._own.robot, ())
-        held = self._held_outside(fresh)
+        held = held_outside(self._plan, fresh)
         while self._taken + 1 < len(path) and len(self._track) <= self._config.horizon and not self._own.out:
             index = self._taken + 1
             waits = self._waits(index)
@@ -356,10 +357,6 @@ class Coordinator:
     def _waits(self, step: int) -> list[Wait]:
         return [wait for wait in self._plan.waits if wait.robot == self._own.robot and wait.step == step]
 
-    def _held_outside(self, fresh: dict[str, Report]) -> set[int]:
-        """Returns the places held by robots outside the plan."""
-        return {place for report in fresh.values() if report.robot not in self._plan.paths for place in report.held}
-
     def _has_left(self, name: str, index: int, place: int) -> bool:
         other = self._neighbours.reports[name]
         return other.adopted == self._plan.id and (other.reached >= index or (index == 0 and place not in other.held))
@@ -371,14 +368,14 @@ class Coordinator:
         """
         own, plan = self._own, self._plan
         has_waypoint = self._waypoint is not None and not self.finished
-        if not has_waypoint or own.out or not own.has_arrived or not self._is_near(self._place(0)):
+        if not has_waypoint or own.out or not own.has_arrived or not self._is_at_place(0):
             return
         if not own.region:
             self.finished = True
             return
         others = [self._neighbours.reports[name] for name in plan.paths if name != own.robot]
         free = all(other.adopted == plan.id and not comes_by(other, plan, own.region) for other in others)
-        free = free and self._held_outside(fresh).isdisjoint(own.region)
+        free = free and held_outside(self._plan, fresh).isdisjoint(own.region)
         if free and set(own.region) <= set(plan.regions.get(own.robot, ())):
             self._visited, self._aside = self._waypoint, own.region
             self._own = replace(own, out=True)

@@ -103,6 +103,29 @@ def hear_each_other(report: Report, other: Report) -> bool:
     return report.robot in other.heard and other.robot in report.heard
 
 
+def partners_of(own: Report, fresh: dict[str, Report]) -> list[Report]:
+    """Returns the reports of the robots to plan for; they hear one another, and no two claim one place."""
+    found: list[Report] = []
+    claimed: set[int] = set()
+    everyone = [own, *fresh.values()]
+    for report in sorted(everyone, key=lambda report: (report.adopted == PlanId(), report.robot)):
+        is_apart = report.held and claimed.isdisjoint(report.held)
+        if is_apart and all(hear_each_other(report, other) for other in found):
+            found.append(report)
+            claimed.update(report.held)
+    return sorted(found, key=lambda report: report.robot)
+
+
+def hear_one_another(plan: Plan, own: str, fresh: dict[str, Report]) -> bool:
+    """Returns whether robot ``own`` and all others in a plan receive each other's reports."""
+    return all(name == own or (name in fresh and own in fresh[name].heard) for name in plan.paths)
+
+
+def held_outside(plan: Plan, fresh: dict[str, Report]) -> set[int]:
+    """Returns the places held by robots outside a plan."""
+    return {place for report in fresh.values() if report.robot not in plan.paths for place in report.held}
+
+
 def ground_wanted(report: Report) -> tuple[int, ...]:
     """Returns the places that a robot off the roadmap uses, or that it waits for at its goal."""
     if report.out:
