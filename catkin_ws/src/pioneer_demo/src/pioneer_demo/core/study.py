@@ -9,7 +9,7 @@ from typing import Any
 from pioneer_node.core.document import DocumentError
 
 METRICS = {
-    "spl": "success weighted by path length, mean of the robots",
+    "spl": "SPL (success weighted by path length)",
     "missed": "waypoints missed, all robots",
     "seconds": "time until all are done [s]",
     "path_length": "path length, mean of the robots [m]",

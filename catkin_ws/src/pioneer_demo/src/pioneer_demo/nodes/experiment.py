@@ -119,7 +119,8 @@ def _run(
         for line in failures:
             print(f"not done: {line}")
         if rows:
-            write_report(study, [rows[run] for run in sorted(rows)], folder)
+            command = ["./pioneer", "experiment", str(config.study), "--runs", str(study.runs)]
+            write_report(study, [rows[run] for run in sorted(rows)], folder, config.study.stem, shlex.join(command))
             print(f"Written: runs.csv, summary.json and report.html in {folder}")
         return 1 if failures else 0
 
