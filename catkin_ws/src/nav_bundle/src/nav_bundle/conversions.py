@@ -233,13 +233,13 @@ def scan_from_message(message: LaserScan, base_from_laser: Transform) -> Scan:
     Raises:
         ObservationError: an angle is not finite, a range limit is NaN, or ``range_max`` is not positive.
     """
-    longest = _checked_range(message)
+    shortest, longest = _checked_limits(message)
     side = 1.0 if base_from_laser.upright() else -1.0
     return Scan(
         np.asarray(message.ranges, np.float32),
         side * message.angle_min,
         side * message.angle_increment,
-        message.range_min,
+        shortest,
         longest,
         base_from_laser.planar(),
     )
@@ -252,16 +252,15 @@ def points_from_scan(message: LaserScan, inf_is_valid: bool) -> NDArray[np.float
         ObservationError: as for ``scan_from_message``, or no range is a measurement: each is NaN or minus infinity,
             or there are none. Plus infinity is one: nothing is in range.
     """
-    longest = _checked_range(message)
+    limits = _checked_limits(message)
     ranges = np.asarray(message.ranges, np.float32)
     if not (ranges > -np.inf).any():
         raise ObservationError(f"scan refused: none of its {len(ranges)} ranges is a measurement")
-    limits = (message.range_min, longest)
     return points_from_ranges(ranges, message.angle_min, message.angle_increment, *limits, inf_is_valid)
 
 
-def _checked_range(message: LaserScan) -> float:
-    """Returns the scan's ``range_max``, at most ``LONGEST``, which stands for no limit.
+def _checked_limits(message: LaserScan) -> tuple[float, float]:
+    """Returns the scan's ``range_min``, at least 0, and its ``range_max``, at most ``LONGEST``: that means no limit.
 
     NaN and infinity are valid ranges: they mean no return.
 
@@ -274,7 +273,7 @@ def _checked_range(message: LaserScan) -> float:
         raise ObservationError(f"scan refused: {names} must be finite numbers, not {', '.join(map(str, numbers))}")
     if message.range_max <= 0.0:
         raise ObservationError(f"scan refused: range_max must be positive, not {message.range_max}")
-    return float(min(message.range_max, LONGEST))
+    return max(message.range_min, 0.0), min(message.range_max, LONGEST)
 
 
 def velocity_from_odometry(message: Odometry) -> Velocity:

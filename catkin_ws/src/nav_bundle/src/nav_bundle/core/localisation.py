@@ -192,7 +192,10 @@ def _fitted(estimate: Estimate, beams: Beams, field: DistanceField) -> tuple[Pos
     if len(points) == 0:
         return estimate.pose, 0.0
     prior = estimate.cluster_covariance + np.eye(3) * PRIOR_FLOOR**2
-    information = np.ascontiguousarray(np.linalg.inv(prior) * SIGMA**2)
+    try:
+        information = np.ascontiguousarray(np.linalg.inv(prior) * SIGMA**2)
+    except np.linalg.LinAlgError:  # particles thousands of kilometres apart: the estimate means nothing
+        return estimate.pose, 0.0
     start, found = np.array([estimate.pose.x, estimate.pose.y, estimate.pose.yaw]), np.empty(3)
     agreement = align(start, points, field.cells, information, SIGMA, ITERATIONS, found)
     pose = Pose(*found.tolist())

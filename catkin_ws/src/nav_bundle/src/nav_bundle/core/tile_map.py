@@ -19,6 +19,8 @@ _MARGIN = 4
 """Extra tiles added when a directory grows, so that it grows rarely."""
 _WIDEST = 2048
 """Largest extent of a directory along one axis [tiles]: 3.3 km at 0.05 m."""
+_MOST_CELLS = 4.0e8
+"""Largest number of cells of a map, which is published as a whole: 1 km by 1 km at 0.05 m."""
 _FARTHEST = 1 << 23
 """Largest number of a tile, so that the kernels' 32 bits hold the numbers of its cells: 13,000 km at 0.05 m."""
 _DRAWN = 20_000
@@ -70,7 +72,8 @@ class TileMaps:
             first = np.array(self._first[::-1])
             low = np.minimum(low, first)
             high = np.maximum(high, first + self.directories.shape[:0:-1])
-        widest = (high - low).max() < _WIDEST - 4 * _MARGIN
+        extent = high - low + 4 * _MARGIN
+        widest = extent.max() < _WIDEST and np.prod(extent) * TILE**2 < _MOST_CELLS
         farthest = max(np.abs(low).max(), np.abs(high).max()) < _FARTHEST
         return bool(widest and farthest)
 
