@@ -44,12 +44,17 @@ class Death:
     status: int  #: as ``subprocess.Popen.returncode``: negative signal number if a signal ended it
     log: Path | None  #: its log file, if any
 
+    @property
+    def headline(self) -> str:
+        """One line: the process, and its signal or exit status."""
+        how = f"ended, status {self.status}"
+        if self.status < 0:
+            how = f"was killed by {signal.Signals(-self.status).name}"
+        return f"{self.name} (pid {self.pid}) {how}"
+
     def __str__(self) -> str:
-        how = (
-            f"was killed by {signal.Signals(-self.status).name}" if self.status < 0 else f"ended, status {self.status}"
-        )
         lines = last_lines(self.log) if self.log else ""
-        return f"{self.name} (pid {self.pid}) {how}" + (f"; the last lines of {self.log}:\n{lines}" if lines else "")
+        return self.headline + (f"; the last lines of {self.log}:\n{lines}" if lines else "")
 
 
 @dataclasses.dataclass
@@ -78,7 +83,10 @@ class ProcessGroup:
         self._variable = _VARIABLE + uuid.uuid4().hex
         self.changed = threading.Condition()  #: notified whenever a process ends
         self._members: dict[int, _Member] = {}
+        #: names of processes whose unexpected end is no fault of the group: the caller starts them again
+        self.restartable: frozenset[str] = frozenset()
         self._deaths: list[Death] = []
+        self._restartable_deaths: list[Death] = []
         self._known: set[tuple[int, int]] = set()
         self._stopping = False
         # epoll also watches descriptors that are registered while it waits.
@@ -129,6 +137,13 @@ class ProcessGroup:
         """The unexpected ends so far, oldest first."""
         with self.changed:
             return tuple(self._deaths)
+
+    def take_restartable_deaths(self) -> list[Death]:
+        """Returns the unexpected ends of restartable processes since the last call."""
+        with self.changed:
+            taken = self._restartable_deaths
+            self._restartable_deaths = []
+            return taken
 
     def check(self) -> None:
         """Raises ``ProcessDiedError`` if a process has ended unexpectedly."""
@@ -244,7 +259,8 @@ class ProcessGroup:
         with self.changed:
             status = member.popen.wait()
             if not self._stopping and not member.killed and not (member.may_end and status == 0):
-                self._deaths.append(Death(member.name, member.popen.pid, status, member.log))
+                deaths = self._restartable_deaths if member.name in self.restartable else self._deaths
+                deaths.append(Death(member.name, member.popen.pid, status, member.log))
             self.changed.notify_all()
 
     def _close(self) -> None:

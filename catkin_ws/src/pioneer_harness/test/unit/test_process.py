@@ -57,6 +57,17 @@ def test_stop_ends_what_was_started(group):
     assert not is_alive(pid)
 
 
+def test_the_end_of_a_restartable_process_is_left_to_the_caller(group):
+    group.restartable = frozenset(["watcher"])
+    pid = group.start("watcher", SLEEP)
+    os.kill(pid, signal.SIGKILL)
+    deaths = []
+    wait_until(lambda: deaths.extend(group.take_restartable_deaths()) or deaths, "the end", 5.0)
+    group.check()
+    assert [death.headline for death in deaths] == [f"watcher (pid {pid}) was killed by SIGKILL"]
+    assert group.take_restartable_deaths() == []
+
+
 def test_a_process_that_ignores_sigint_is_killed_after_the_grace(group, tmp_path):
     pid = stubborn(group, tmp_path)
     started = time.monotonic()

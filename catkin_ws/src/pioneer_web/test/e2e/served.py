@@ -80,7 +80,15 @@ def served(folder, robots=2, rate=100, parameters=(), scheme="http", context=Non
         url = f"{scheme}://127.0.0.1:{port}"
 
         wait_for_page(url, group.check, context)
+
+        def restart():
+            group.kill("page")
+            wait_until(lambda: not group.is_running("page"), "the end of the page", 30)
+            group.start("page", page, environment, folder / "page.log")
+            wait_for_page(url, group.check, context)
+
         yield SimpleNamespace(
+            restart=restart,
             url=url, master=master, log=folder / "page.log", token=TOKEN, viewer=VIEWER,
             request=functools.partial(request, url, context=context),
             login=functools.partial(login, url, context=context),

@@ -1,7 +1,10 @@
 """The page of a real fleet of two robots: display, driving, stop, faults, phone layout, and Foxglove's protocol."""
 
 import math
+import os
+import signal
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -104,6 +107,14 @@ def test_an_unauthenticated_client_gets_401_and_no_data(url, driver):
     driver.get(url)
     assert driver.find_element(By.ID, "token").is_displayed()
     assert "pioneer1" not in driver.page_source
+
+
+def test_a_killed_page_is_started_again_and_the_fleet_keeps_running(url, run):
+    (pid,) = (member.popen.pid for member in run.processes.group._members.values() if member.name == "fleet page")
+    os.kill(pid, signal.SIGKILL)
+    wait_until(lambda: not Path(f"/proc/{pid}").exists(), "its end", SOON)
+    run.look(None, "up")
+    wait_for_page(url, lambda: run.look(None, "up"))
 
 
 def test_both_robots_are_shown_soon_after_opening(page, record_property):

@@ -17,6 +17,7 @@ from pioneer_demo.adapters.terminal import Display
 from pioneer_demo.core.command import master_uri
 from pioneer_demo.core.error import StartError
 from pioneer_demo.core.fleet import Fleet
+from pioneer_demo.core.launch_log import Relapses
 from pioneer_demo.core.option import OBSERVER, FleetConfig
 from pioneer_demo.core.recording import Recording
 from pioneer_demo.core.track import RobotTrack
@@ -30,6 +31,8 @@ from pioneer_node.nodes.patch import keep_publisher_updates
 if TYPE_CHECKING:  # imported at run time by a lockstep demo only
     from pioneer_demo.nodes.course import Course
 
+WATCHERS = frozenset(["fleet page"])
+"""Commands that only watch the fleet: robots drive on without them, so they are started again."""
 _LOOK = 0.05
 _SAMPLE = 1.0
 _START_UP, _START_UP_PER_ROBOT = 90.0, 20.0
@@ -45,6 +48,9 @@ class FleetRun:
         """Takes ``processes`` that are already started; ``stop`` ends them."""
         #: processes: the fleet's processes
         self.processes, self.watch = processes, watch
+        processes.group.restartable = WATCHERS
+        self._relapses = Relapses()
+        self._lost: list[str] = []
         self.fleet = Fleet(list(map(RobotTrack, config.names)))  #: its state; guarded by ``lock``
         self.lock = threading.Lock()
         self.display = Display()
@@ -125,6 +131,7 @@ class FleetRun:
     def look(self, lines: Callable[[Fleet], list[str]] | None, phase: str) -> None:
         """One iteration of every main loop: checks for shutdown, shows and publishes the state, then waits briefly."""
         self._interrupt.check()
+        self._restart_watchers()
         for line in self.processes.check(starting=bool(self._step)):
             self.display.say(line)
         if lines:
@@ -135,6 +142,19 @@ class FleetRun:
         changed = self.processes.group.changed
         with changed:
             changed.wait(_LOOK)
+
+    def _restart_watchers(self) -> None:
+        """Starts processes that only watch the fleet again when they die, unless they keep dying."""
+        for death in self.processes.group.take_restartable_deaths():
+            if self._relapses.died(death.name, death.name, death.headline, time.monotonic()):
+                self._lost.append(f"{death.name} keeps dying and is not started again: {death.headline}")
+                self.display.say(f"{death}\n{self._lost[-1]}")
+            else:
+                self.display.say(f"{death.headline} and is started again")
+                self.processes.restart([death.name])
+
+    def _faults(self) -> list[str]:
+        return [*self.processes.faults(), *self._lost]
 
     def stop(self, in_order: bool) -> tuple[str, ...]:
         """Ends everything, with a short grace period unless ``in_order``; returns command lines of killed processes."""
@@ -181,12 +201,13 @@ class FleetRun:
 
     def _text(self, lines: Callable[[Fleet], list[str]]) -> list[str]:
         with self.lock:
-            return [*lines(self.fleet), *self.processes.faults()]
+            return [*lines(self.fleet), *self._faults()]
 
     def _publish(self) -> None:
         self.processes.sample()
         with self.lock:
-            faults, ports = self.processes.faults(), self.processes.ports
+            faults = self._faults()
+            ports = self.processes.ports
             status = fleet_status(self.fleet, self._config, ports, self._phase, faults, time.monotonic())
         if self._entry is not None:
             self._entry.write({**status, "started": self._started})

@@ -23,6 +23,8 @@ from pioneer_web.nodes.recording import Recording
 
 ZERO_EVERY = 0.05
 """Interval between zero velocity commands to a held robot [s]."""
+HELD = "~held"
+"""Parameter with the names of held robots: they are held again by a node that takes the place of one that died."""
 PATIENCE = 2.0
 """Time-out for the simulator's services [s]."""
 _SERVICES = {
@@ -68,6 +70,8 @@ class Commander:
             "seek": self._seek,
         }
         self._seeks = rospy.Publisher("/replay/seek", Float64, queue_size=1)
+        held = rospy.get_param(HELD, [])
+        self._held_before = frozenset(map(str, held if isinstance(held, list) else []))
         self._due: dict[str, list[Pose]] = {}
         self._replacing = threading.Lock()
         self._boxes = itertools.count(1)
@@ -80,7 +84,13 @@ class Commander:
     def add(self, robots: Sequence[Robot]) -> None:
         """Adds robots that can be commanded."""
         self._publishers |= {robot.name: _advertise(robot.name) for robot in robots}
+        for robot in robots:
+            robot.held = robot.name in self._held_before
         self._robots = self._robots | {robot.name: robot for robot in robots}
+        if any(robot.held for robot in robots):
+            with self._changed:
+                self._changed.notify()
+            self._registering.submit(self._update_guards)
 
     def do(self, command: Command) -> str:
         """Executes a command; returns a message for the user.
@@ -186,7 +196,8 @@ class Commander:
         return f"{', '.join(robots)} stopped and held"
 
     def _update_guards(self) -> None:
-        """Subscribes to the commands of held robots, and ends the subscriptions of the others."""
+        """Keeps which robots are held, subscribes to their commands, and ends the subscriptions of the others."""
+        rospy.set_param(HELD, [name for name, robot in self._robots.items() if robot.held])
         for name, robot in self._robots.items():
             if robot.held and name not in self._guards:
                 topic = f"/{name}/pioneer/cmd_vel"
