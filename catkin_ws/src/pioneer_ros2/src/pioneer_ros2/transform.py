@@ -1,0 +1,88 @@
+"""tf messages as bytes: one robot's transforms with its prefix taken off, and static transforms kept by frame.
+
+A TFMessage is the number of transforms, then for each of them sequence number, stamp, parent frame, child frame and
+seven doubles, little-endian, in the encoding of ROS 1.
+"""
+
+import struct
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+_LENGTH = struct.Struct("<I")
+_SEQUENCE_AND_STAMP = 12
+_TRANSLATION_AND_ROTATION = 56
+
+
+class Transform(NamedTuple):
+    """One transform of a TFMessage."""
+
+    stamp: bytes  #: sequence number and stamp as they were
+    parent: str
+    child: str
+    pose: bytes  #: translation and rotation, seven doubles
+
+
+def transforms_in(message: bytes) -> Iterator[Transform]:
+    """Yields the transforms of a TFMessage.
+
+    Raises:
+        struct.error: the message ends early.
+        UnicodeDecodeError: a frame's name is not UTF-8.
+    """
+    (count,) = _LENGTH.unpack_from(message)
+    start = _LENGTH.size
+    for _ in range(count):
+        stamp = message[start : start + _SEQUENCE_AND_STAMP]
+        start += _SEQUENCE_AND_STAMP
+        parent, start = _string(message, start)
+        child, start = _string(message, start)
+        pose = message[start : start + _TRANSLATION_AND_ROTATION]
+        start += _TRANSLATION_AND_ROTATION
+        if start > len(message):
+            raise struct.error(f"a TFMessage of {len(message)} bytes ends within a transform")
+        yield Transform(stamp, parent, child, pose)
+
+
+def _string(message: bytes, start: int) -> tuple[str, int]:
+    """Returns the string at ``start``, and where it ends."""
+    (length,) = _LENGTH.unpack_from(message, start)
+    end = start + _LENGTH.size + length
+    return message[start + _LENGTH.size : end].decode(), end
+
+
+def message_of(transforms: Iterable[Transform]) -> bytes:
+    """Returns the TFMessage with these transforms."""
+    parts = []
+    count = 0
+    for transform in transforms:
+        count += 1
+        parts.append(transform.stamp)
+        for frame in (transform.parent, transform.child):
+            encoded = frame.encode()
+            parts.append(_LENGTH.pack(len(encoded)))
+            parts.append(encoded)
+        parts.append(transform.pose)
+    return _LENGTH.pack(count) + b"".join(parts)
+
+
+def without_prefix(transforms: Iterable[Transform], prefix: str) -> Iterator[Transform]:
+    """Yields the transforms whose child frame is ``prefix/…``, with the prefix taken off both frames."""
+    start = f"{prefix}/"
+    for transform in transforms:
+        if transform.child.startswith(start):
+            parent = transform.parent.removeprefix(start)
+            child = transform.child.removeprefix(start)
+            yield transform._replace(parent=parent, child=child)
+
+
+class StaticFrames:
+    """The newest static transform of each child frame: several broadcasters in ROS 1 are one in ROS 2."""
+
+    def __init__(self) -> None:
+        self._frames: dict[str, Transform] = {}
+
+    def merged(self, message: bytes) -> bytes:
+        """Takes a TFMessage up; returns one with all frames that are known."""
+        for transform in transforms_in(message):
+            self._frames[transform.child] = transform
+        return message_of(self._frames.values())

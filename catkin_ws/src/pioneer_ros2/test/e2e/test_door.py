@@ -1,0 +1,186 @@
+"""The door between a ROS 1 master and a real ROS 2: rclpy with Fast DDS, and a reader of Cyclone DDS for transforms."""
+
+import json
+import os
+import signal
+import subprocess
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("cyclonedds", reason="the door to ROS 2 is not installed")
+
+from pioneer_harness.masters import Master
+from pioneer_harness.wait import START, wait_until
+
+HERE = Path(__file__).parent
+ROOT = Path(__file__).resolve().parents[5]
+PEER = ROOT / ".setup" / "ros2-peer" / "bin" / "python3"
+CROSSES = 20.0
+"""Time within which something crosses once both sides run: discovery takes a second or two [s]."""
+
+pytestmark = pytest.mark.skipif(not PEER.exists(), reason="no ROS 2 for the tests (PyPI has it for Python 3.11)")
+
+
+class Program:
+    """A program that prints JSON lines; keeps the newest values of each topic."""
+
+    def __init__(self, command: list[str], environment: dict[str, str], log: Path) -> None:
+        self.newest: dict[str, list[Any]] = {}
+        self._log = log.open("ab")
+        self.process = subprocess.Popen(
+            command, env=environment, stdout=subprocess.PIPE, stderr=self._log, text=True, start_new_session=True
+        )
+        self._reading = threading.Thread(target=self._read)
+        self._reading.start()
+
+    def _read(self) -> None:
+        assert self.process.stdout
+        for line in self.process.stdout:
+            if line.startswith("{"):
+                message = json.loads(line)
+                self.newest[message["topic"]] = message["values"]
+
+    def waits_for(self, topic: str, values: list[Any]) -> None:
+        wait_until(lambda: self.newest.get(topic) == values, f"{values} on {topic}", CROSSES)
+
+    def end(self, number: int = signal.SIGINT) -> None:
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        try:
+            self.process.wait(START)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            raise
+        finally:
+            self._reading.join()
+            self._log.close()
+            if self.process.stdout:
+                self.process.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def domain() -> str:
+    """Returns a domain that other runs on this machine hardly use."""
+    return str(100 + os.getpid() % 100)
+
+
+Start = Callable[..., Program]
+
+
+@pytest.fixture(scope="module")
+def start(domain: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Start]:
+    """Yields a function that starts programs beside a master; ends them all."""
+    folder = tmp_path_factory.mktemp("door")
+    programs: list[Program] = []
+    with Master() as master:
+        environment = {**master.environment, "ROS_DOMAIN_ID": domain}
+        for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "CYCLONEDDS_URI"):
+            environment.pop(name, None)
+        alone = {name: value for name, value in environment.items() if name != "PYTHONPATH"}
+
+        def begin(*command: str, plain: bool = False) -> Program:
+            program = Program(list(command), alone if plain else environment, folder / f"{len(programs)}.log")
+            programs.append(program)
+            return program
+
+        try:
+            yield begin
+        finally:
+            for program in reversed(programs):
+                program.end()
+
+
+@pytest.fixture(scope="module")
+def robot(start: Start) -> Program:
+    """Returns ROS 1's side, with the door beside it."""
+    program = start("python3", str(HERE / "robot.py"))
+    start("rosrun", "pioneer_ros2", "ros2_door")
+    return program
+
+
+@pytest.fixture(scope="module")
+def peer(robot: Program, start: Start) -> Program:
+    """Returns ROS 2's side."""
+    return start(str(PEER), str(HERE / "peer.py"), plain=True)
+
+
+@pytest.mark.parametrize(
+    ("topic", "values"),
+    [
+        ("/clock", [12, 500]),
+        ("/map", [0, 100, -1]),
+        ("/pioneer1/base_scan", [1.25, 2.5, "pioneer1/laser"]),
+        ("/pioneer2/base_scan", [2.25, 2.5, "pioneer2/laser"]),
+        ("/pioneer1/odom", [1.5, "pioneer1/base_link"]),
+        ("/pioneer2/odom", [2.5, "pioneer2/base_link"]),
+    ],
+)
+def test_rclpy_receives_what_ros_1_publishes(peer: Program, topic: str, values: list[Any]) -> None:
+    peer.waits_for(topic, values)
+
+
+def test_velocities_and_goals_of_rclpy_reach_ros_1_under_its_names(peer: Program, robot: Program) -> None:
+    robot.waits_for("/pioneer1/pioneer/cmd_vel", [0.25, -0.5])
+    robot.waits_for("/pioneer2/map_goal_pose", [3.0, 4.0])
+
+
+def test_ros_2_lists_the_door_s_node_and_the_types_of_its_topics(peer: Program) -> None:
+    peer.waits_for("nodes", ["peer", "pioneer_fleet"])
+    peer.waits_for("types", ["tf2_msgs/msg/TFMessage"])
+
+
+@pytest.mark.parametrize(
+    ("topic", "qos", "frames"),
+    [
+        ("/tf", "reliable", {("map", "pioneer1/odom", 1.0), ("map", "pioneer2/odom", 2.0)}),
+        ("/pioneer2/tf", "reliable", {("map", "odom", 2.0)}),
+        (
+            "/tf_static",
+            "latched",
+            {("pioneer1/base_link", "pioneer1/laser", 0.1), ("pioneer2/base_link", "pioneer2/laser", 0.1)},
+        ),
+        ("/pioneer1/tf_static", "latched", {("base_link", "laser", 0.1)}),
+    ],
+)
+def test_a_reader_of_cyclone_dds_gets_transforms_with_and_without_prefix(
+    robot: Program, domain: str, topic: str, qos: str, frames: set[tuple[str, str, float]]
+) -> None:
+    # A process of its own: Cyclone reads its configuration once a process.
+    command = ["python3", str(HERE / "frames.py"), domain, topic, qos]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=START, check=False)
+    assert done.returncode == 0, done.stderr
+    assert {tuple(frame) for frame in json.loads(done.stdout)} == frames
+
+
+def test_after_a_peer_is_killed_another_one_with_stamped_velocities_is_served(
+    peer: Program, robot: Program, start: Start
+) -> None:
+    peer.end(signal.SIGKILL)
+    robot.newest.clear()
+    other = start(str(PEER), str(HERE / "peer.py"), "stamped", plain=True)
+    other.waits_for("/map", [0, 100, -1])
+    other.waits_for("/pioneer1/base_scan", [1.25, 2.5, "pioneer1/laser"])
+    robot.waits_for("/pioneer1/pioneer/cmd_vel", [0.25, -0.5])
+
+
+@pytest.mark.parametrize(
+    ("environment", "parameters", "says"),
+    [
+        ({"ROS_DOMAIN_ID": "many"}, [], "ROS_DOMAIN_ID must be a number from 0 to 232, not 'many'"),
+        ({}, ["_rules:=/nowhere.yaml"], "cannot read the rules /nowhere.yaml"),
+    ],
+)
+def test_what_the_door_cannot_use_ends_it_with_one_line(
+    environment: dict[str, str], parameters: list[str], says: str
+) -> None:
+    with Master() as master:
+        command = ["rosrun", "pioneer_ros2", "ros2_door", *parameters]
+        everything = {**master.environment, **environment}
+        done = subprocess.run(command, env=everything, capture_output=True, text=True, timeout=START, check=False)
+    assert done.returncode == 1
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
