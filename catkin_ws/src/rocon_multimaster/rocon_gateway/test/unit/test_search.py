@@ -2,6 +2,7 @@
 
 import logging
 import threading
+from ipaddress import IPv4Interface
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,8 +12,13 @@ from rocon_gateway.adapters import hubs
 from rocon_gateway.adapters.hubs import Hubs, HubsConfig
 from rocon_hub_protocol.core.address import HubAddress
 from rocon_hub_protocol.core.record import Record
+from rocon_hub_protocol.core.sighting import Sighting
 
-SIGHTING = SimpleNamespace(hubs=(), ways=lambda _own, _stack: [HubAddress("127.0.0.1", 9)])
+SIGHTING = SimpleNamespace(
+    hubs=(), ways=lambda _own, _stack: [HubAddress("127.0.0.1", 9)], is_local=lambda _own, _stack: True
+)
+HERE, THERE = "stack-here", "stack-there"
+OWN = frozenset([IPv4Interface("192.168.2.7/24")])
 
 
 def test_a_gateway_that_has_no_descriptor_for_a_hub_joins_it_once_there_is_one(
@@ -42,3 +48,51 @@ def test_a_gateway_that_has_no_descriptor_for_a_hub_joins_it_once_there_is_one(
     finally:
         made.shutdown()
     assert caplog.text.count("cannot join a hub that was found: [Errno 24] Too many open files; retrying") == 1
+
+
+@pytest.mark.parametrize(
+    ("sighting", "distant", "joined"),
+    [
+        (Sighting("far", 6380, ("192.168.2.66",), THERE), False, []),
+        (Sighting("far", 6380, ("192.168.2.66",), THERE), True, ["192.168.2.66"]),
+        (Sighting("near", 6380, ("192.168.2.7",), HERE), False, ["127.0.0.1"]),
+        # What claims to be on this machine leads to the loopback, where no other machine answers.
+        (Sighting("claim", 6380, ("192.168.2.66",), HERE), False, ["127.0.0.1"]),
+        (Sighting("claim", 6380, ("192.168.2.7",), ""), False, ["127.0.0.1"]),
+    ],
+)
+def test_without_a_credential_a_hub_that_another_machine_announces_is_not_joined(
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    sighting: Sighting,
+    distant: bool,
+    joined: list[str],
+) -> None:
+    """Such a hub could once flip its topics into a gateway without a password, and drive its robot."""
+    tried: list[str] = []
+    looked = threading.Semaphore(0)
+
+    def hub(ways: Any, *_: Any) -> SimpleNamespace:
+        tried.extend(way.address.host for way in ways)
+        return SimpleNamespace(ways=ways, named=False, lost_since=0.0, stop=lambda: None, join=lambda: None)
+
+    def sightings() -> list[Sighting]:
+        looked.release()
+        return [sighting]
+
+    def discovery(_on_change: Any) -> SimpleNamespace:
+        return SimpleNamespace(sightings=sightings, rest=lambda: None, interfaces=OWN, stack=HERE)
+
+    monkeypatch.setattr(hubs, "HubClient", hub)
+    monkeypatch.setattr(hubs, "Discovery", discovery)
+    monkeypatch.setattr(hubs, "RETRY", 0.01)
+    record = Record("a", "1", "127.0.0.1", 9)
+    config = HubsConfig(discover=True, distant=distant)
+    made = Hubs(config, record, lambda: (), lambda: None, logging.getLogger("test"))
+    try:
+        for _ in range(3):  # the third look begins once the first has been worked on
+            assert looked.acquire(timeout=10)
+    finally:
+        made.shutdown()
+    assert tried == joined
+    assert caplog.text.count("is on another machine and is not joined") == (0 if joined else 1)

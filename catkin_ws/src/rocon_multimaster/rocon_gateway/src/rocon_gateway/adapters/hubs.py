@@ -18,6 +18,7 @@ from rocon_hub_protocol.adapters.redis_client import OPEN, Access
 from rocon_hub_protocol.core.address import address_from_uri
 from rocon_hub_protocol.core.code import Code, HubError
 from rocon_hub_protocol.core.record import PeerRequest, Record
+from rocon_hub_protocol.core.sighting import Sighting
 
 LOOK = 3.0
 """Duration of one mDNS search while we are on a hub [s]; without a hub, the search continues."""
@@ -46,6 +47,7 @@ class HubsConfig:
     whitelist: tuple[str, ...] = ()  #: hub names or addresses; empty allows all
     blacklist: tuple[str, ...] = ()  #: hub names or addresses; takes precedence over the whitelist
     discover: bool = False  #: also join hubs that announce themselves by mDNS
+    distant: bool = False  #: those on other machines, too: only with a credential, or where everybody is trusted
     access: Access = OPEN  #: credentials for the hubs' Redis
     host: str = ""  #: our address for other gateways; empty: the one on the route to the hub
     namespaces: frozenset[str] = frozenset()  #: robot namespaces to announce to all
@@ -100,6 +102,7 @@ class Hubs:
         self._claims: dict[str, HubClient] = {}
         self._refused: set[tuple[Candidate, ...]] = set()
         self._complaints: dict[object, str] = {}
+        self._distant_reported = False
         self._stopping = False
         self._woken = threading.Event()
         self._searcher: threading.Thread | None = None
@@ -284,6 +287,27 @@ class Hubs:
         except OSError as error:
             self._complain(Discovery, f"cannot look for hubs by mDNS: {error}")
             return []
-        own, stack = discovery.interfaces, discovery.stack
-        ways = [tuple(Candidate(way, one.hubs) for way in one.ways(own, stack)) for one in sightings]
-        return [one for one in ways if one]
+        found = []
+        for sighting in sightings:
+            if self._may_join(sighting, discovery):
+                ways = sighting.ways(discovery.interfaces, discovery.stack)
+                found.append(tuple(Candidate(way, sighting.hubs) for way in ways))
+        return [ways for ways in found if ways]
+
+    def _may_join(self, sighting: Sighting, discovery: Discovery) -> bool:
+        """Returns whether an announced hub may be joined: without a credential, only one on this machine.
+
+        Any host can announce a hub. One on another machine could ask for our topics and flip its own to us; without a
+        credential, nothing would tell it from the fleet's. A false claim to be on this machine leads to the loopback.
+        """
+        if self._config.distant or sighting.is_local(discovery.interfaces, discovery.stack):
+            return True
+        if not self._distant_reported:
+            self._distant_reported = True
+            self._logger.warning(
+                "hub '%s' at %s is on another machine and is not joined without a password or certificate: set one, name "
+                "the hub with gateway_hub_uri, or on a network of your own use gateway_insecure:=true",
+                sighting.name,
+                ", ".join(map(str, sighting.hubs)),
+            )
+        return False

@@ -168,6 +168,7 @@ class GatewayNode:
             whitelist=self._config.hubs_allowed,
             blacklist=self._config.hubs_refused,
             discover=self._config.discovers,
+            distant=self._is_open,
             access=access,
             host=self._fixed_host,
             namespaces=self._config.known_namespaces,
