@@ -2,7 +2,7 @@
 
 ``wording`` refuses words that made readers stumble; ``wording.tsv`` lists them, each with what to write instead.
 ``links`` finds links in Markdown files to files or headings that do not exist. ``version`` compares all package.xml
-files and CHANGELOG.md with ``VERSION``. ``file length`` refuses sources too long to be read in one sitting.
+files and CHANGELOG.md with ``VERSION``.
 """
 
 import os
@@ -14,9 +14,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIST = ROOT / "tools" / "wording.tsv"
-LIMIT = 400
-"""Greatest number of lines of a source file."""
-SUFFIXES = {".py", ".bash", ".launch"}
 _LINK = re.compile(r"(?<!`)\[(?:[^\]\[]|\[[^\]]*\])*\]\(([^)\s]+)\)")
 _FENCE = re.compile(r"^ *```.*?^ *```", re.MULTILINE | re.DOTALL)
 
@@ -93,19 +90,10 @@ def other_versions(root: Path) -> list[str]:
     ]
 
 
-def long_files() -> Iterator[str]:
-    """Yields a line for each source file that is too long."""
-    for place in ("catkin_ws/src", "tools"):
-        for path in sorted((ROOT / place).rglob("*")):
-            if path.suffix in SUFFIXES and (lines := len(path.read_bytes().splitlines())) > LIMIT:
-                yield f"{path.relative_to(ROOT)}: {lines} lines, the limit is {LIMIT}; split it by job"
-
-
 CHECKS = {
     "wording": lambda: stumbles(path for path in project_files() if path != LIST),
     "links": lambda: broken_links(ROOT, [str(path.relative_to(ROOT)) for path in project_files(".md")]),
     "version": lambda: other_versions(ROOT),
-    "file length": long_files,
 }
 """The checks by name, each with a function that returns the lines to print."""
 

@@ -305,8 +305,8 @@ class Hubs:
         if not self._distant_reported:
             self._distant_reported = True
             self._logger.warning(
-                "hub '%s' at %s is on another machine and is not joined without a password or certificate: set one, name "
-                "the hub with gateway_hub_uri, or on a network of your own use gateway_insecure:=true",
+                "hub '%s' at %s is on another machine and is not joined without a password or certificate: set one, "
+                "name the hub with gateway_hub_uri, or on a network of your own use gateway_insecure:=true",
                 sighting.name,
                 ", ".join(map(str, sighting.hubs)),
             )
