@@ -9,9 +9,9 @@ from containers import ROOT
 from containers.engine import ContainerError, Project, compose_command
 from containers.layout import DEFAULT_SUBNET, SUBNET, subnet_of
 from containers.swarm import Stack
-from tcpros.adapters.authority import Authority
-from tcpros.adapters.tls import CERTIFICATE
-from tcpros.core.error import CertificateError
+from tcpros.authority import Authority
+from tcpros.error import CertificateError
+from tcpros.tls import CERTIFICATE
 
 SHIPPED = ROOT / "docker" / "compose.yaml"
 STATE = ROOT / ".setup" / "containers"

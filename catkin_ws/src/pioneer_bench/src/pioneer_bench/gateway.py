@@ -14,7 +14,7 @@ from pioneer_bench.core.row import Row
 from pioneer_bench.report import finish
 from pioneer_harness.error import HarnessError
 from pioneer_node.nodes.patch import tell_registrations, wake_master_workers
-from tcpros.adapters.client import ClientError
+from tcpros.client import ClientError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

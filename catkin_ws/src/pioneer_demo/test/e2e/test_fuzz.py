@@ -19,7 +19,7 @@ from pioneer_fleet.adapters.registry import running_fleets
 from pioneer_harness.proc import process_states
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
-from tcpros.adapters.client import Client
+from tcpros.client import Client
 
 MB = 1_000_000
 FUZZERS = Path(__file__).parent.parent / "fuzz"

@@ -16,8 +16,8 @@ from collections import Counter, deque
 
 import hostile
 
-from rocon_hub_protocol.adapters.password import password_from
-from rocon_hub_protocol.adapters.redis_client import NotOurHubError, prove
+from rocon_hub_protocol.password import password_from
+from rocon_hub_protocol.redis_client import NotOurHubError, prove
 
 SPEECH = {"relay": hostile.hello, "hub": hostile.proof, "slave": hostile.request, "tcpros": hostile.hello}
 LEFT_OPEN = 30

@@ -17,8 +17,8 @@ from pioneer_fleet.adapters.recording import RecordingError, messages_of
 from pioneer_harness.masters import Master
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
-from tcpros.adapters.client import Client
-from tcpros.core.error import TcprosError
+from tcpros.client import Client
+from tcpros.error import TcprosError
 
 TALK = """
 import sys, rospy

@@ -14,7 +14,7 @@ from pioneer_harness.port import PortReservation
 from pioneer_harness.proc import arguments
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
-from rocon_launch.core.concert import SHORT_LIFE
+from rocon_launch.concert import SHORT_LIFE
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")

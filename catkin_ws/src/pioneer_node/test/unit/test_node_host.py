@@ -23,11 +23,11 @@ from pioneer_harness.masters import Master
 from pioneer_harness.port import PortReservation
 from pioneer_harness.wait import START, wait_until
 from pioneer_node.adapters.node_handle import NodeHandle
-from tcpros.adapters import node_context
-from tcpros.adapters.client import Client, ClientError
-from tcpros.adapters.node import Node
-from tcpros.adapters.node_context import NodeContext
-from tcpros.adapters.reactor import Reactor
+from tcpros import node_context
+from tcpros.client import Client, ClientError
+from tcpros.node import Node
+from tcpros.node_context import NodeContext
+from tcpros.reactor import Reactor
 
 COMMAND = (sys.executable, "-c", "from pioneer_node.nodes.node_host import main; raise SystemExit(main())")
 HOSTED = Path(__file__).parent

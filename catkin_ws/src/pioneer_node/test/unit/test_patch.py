@@ -23,7 +23,7 @@ from pioneer_node.nodes.patch import import_without_numpy
 import_without_numpy("rospy")
 assert sys.modules["numpy"] is numpy
 """
-NODES = ["rocon_gateway.nodes.gateway", "rocon_hub.nodes.hub", "simple_navigation_goals.nodes.map_navigation_client"]
+NODES = ["rocon_gateway.nodes.gateway", "rocon_hub.hub", "simple_navigation_goals.map_navigation_client"]
 
 
 @pytest.mark.parametrize("code", [LATER, BEFORE], ids=["numpy after it", "numpy before it"])

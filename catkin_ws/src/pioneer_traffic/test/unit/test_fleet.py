@@ -25,7 +25,7 @@ from pioneer_traffic.core.geometry import Point
 from pioneer_traffic.core.pilot import Pilot
 from pioneer_traffic.core.roadmap import Roadmap
 from pioneer_traffic.core.simulation import STEP, TICK, Trial
-from simple_navigation_goals.core.queue import Outcome
+from simple_navigation_goals.queue import Outcome
 
 ARRIVED = 0.2
 """Distance at which the robots' move_base reports its goal as reached [m]."""

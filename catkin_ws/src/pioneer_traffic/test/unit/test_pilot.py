@@ -30,7 +30,7 @@ from pioneer_traffic.core.geometry import Point
 from pioneer_traffic.core.pilot import Pilot
 from pioneer_traffic.core.report import Report
 from pioneer_traffic.core.roadmap import Roadmap
-from simple_navigation_goals.core.queue import Outcome
+from simple_navigation_goals.queue import Outcome
 
 
 def row(places: int) -> Roadmap:

@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
-from rocon_flip.core.rule_set import Action, Wish
-from rocon_flip.nodes import command
+from rocon_flip import command
+from rocon_flip.rule_set import Action, Wish
 
 Asked = tuple[Action, list[Wish], bool]
 

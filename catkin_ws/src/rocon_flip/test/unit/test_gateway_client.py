@@ -6,8 +6,8 @@ import pytest
 import rospy
 from gateway_msgs import msg
 
-from rocon_flip.core.rule_set import Action, Wish
-from rocon_flip.nodes.gateway_client import GatewayClient
+from rocon_flip.gateway_client import GatewayClient
+from rocon_flip.rule_set import Action, Wish
 
 FIRST, SECOND = (Wish("publisher", f"/{name}", "", "Hub_Gateway") for name in ("one", "two"))
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rocon_flip.core.rule_set import (
+from rocon_flip.rule_set import (
     RuleSetError,
     Wish,
     advertised_by_hub,

@@ -7,9 +7,9 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Twist
 from std_msgs.msg import Header
 
 from pioneer_node.core.frame import stripped
-from simple_navigation_goals.core.queue import WaypointQueue
-from simple_navigation_goals.core.waypoint import Waypoint, yaw_from_quaternion
 from simple_navigation_goals.msg import WaypointQueue as WaypointQueueMessage
+from simple_navigation_goals.queue import WaypointQueue
+from simple_navigation_goals.waypoint import Waypoint, yaw_from_quaternion
 
 
 def waypoint_from_twist(message: Twist, frame: str) -> Waypoint:

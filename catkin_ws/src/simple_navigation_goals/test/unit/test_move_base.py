@@ -8,8 +8,8 @@ from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from genpy import Time
 from move_base_msgs.msg import MoveBaseActionResult, MoveBaseGoal, MoveBaseResult
 
-from simple_navigation_goals.adapters.move_base import MoveBase
-from simple_navigation_goals.core.queue import Outcome
+from simple_navigation_goals.move_base import MoveBase
+from simple_navigation_goals.queue import Outcome
 
 SERVER = "/robot/move_base"
 

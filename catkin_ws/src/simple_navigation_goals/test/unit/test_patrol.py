@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from simple_navigation_goals.adapters.waypoint_file import read_patrol
-from simple_navigation_goals.core.patrol import PatrolError
-from simple_navigation_goals.core.waypoint import Waypoint
+from simple_navigation_goals.patrol import PatrolError
+from simple_navigation_goals.waypoint import Waypoint
+from simple_navigation_goals.waypoint_file import read_patrol
 
 GOOD = """
 loop: 3

@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pioneer_node.core.parameter import ParameterError
-from simple_navigation_goals.core.patrol import Patrol
-from simple_navigation_goals.core.queue import ABORT_POLICIES, Outcome, Phase, QueueConfig, WaypointQueue
-from simple_navigation_goals.core.waypoint import Waypoint
+from simple_navigation_goals.patrol import Patrol
+from simple_navigation_goals.queue import ABORT_POLICIES, Outcome, Phase, QueueConfig, WaypointQueue
+from simple_navigation_goals.waypoint import Waypoint
 
 
 def waypoint(x: float) -> Waypoint:

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from simple_navigation_goals.adapters.waypoint_file import QueueFile, QueueFileError
-from simple_navigation_goals.core.queue import Outcome, WaypointQueue
-from simple_navigation_goals.core.waypoint import Waypoint
+from simple_navigation_goals.queue import Outcome, WaypointQueue
+from simple_navigation_goals.waypoint import Waypoint
+from simple_navigation_goals.waypoint_file import QueueFile, QueueFileError
 
 PLACES = [Waypoint(1.0, -2.5, 0.5, "map"), Waypoint(3.0, 0.0, 0.0, "map", 2.0)]
 

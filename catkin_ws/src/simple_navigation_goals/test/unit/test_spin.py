@@ -1,6 +1,6 @@
 """A robot that stands still with a goal is turned after 5 s, for 1.5 s, in the direction last commanded."""
 
-from simple_navigation_goals.core.spin import SpinState, blinded, commanded, watched
+from simple_navigation_goals.spin import SpinState, blinded, commanded, watched
 
 MAX_VEL_THETA = 1.0
 Command = tuple[float, float] | None

@@ -8,7 +8,7 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Twist, Vecto
 from std_msgs.msg import Header
 
 from simple_navigation_goals.conversions import pose_from_waypoint, waypoint_from_pose, waypoint_from_twist
-from simple_navigation_goals.core.waypoint import Waypoint, WaypointError
+from simple_navigation_goals.waypoint import Waypoint, WaypointError
 
 
 def test_the_heading_of_a_twist_is_in_degrees() -> None:

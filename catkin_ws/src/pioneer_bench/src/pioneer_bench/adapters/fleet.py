@@ -20,7 +20,7 @@ from pioneer_harness.port import PortReservation, is_free
 from pioneer_harness.proc import ProcessState, descendants, process_state, process_states
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
-from tcpros.adapters.client import Client, ClientError, Connection
+from tcpros.client import Client, ClientError, Connection
 
 PATIENCE = 20.0
 """Time-out for anything to start or arrive [s]."""

@@ -22,7 +22,7 @@ from pioneer_bench.core.gateway import (
 )
 from pioneer_bench.core.row import Row
 from pioneer_harness.wait import wait_until
-from tcpros.adapters.authority import Authority
+from tcpros.authority import Authority
 
 TOPIC_TOOLS_RELAY = "/usr/lib/topic_tools/relay"
 SERVICE = "/echo"

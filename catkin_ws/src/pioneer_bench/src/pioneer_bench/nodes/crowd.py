@@ -15,9 +15,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
-from rocon_hub_protocol.adapters.password import password_from
-from rocon_hub_protocol.adapters.redis_client import Access, HubConnection
-from rocon_hub_protocol.core.key import (
+from rocon_hub_protocol.key import (
     GATEWAYS_KEY,
     NAME_KEY,
     PROTOCOL_KEY,
@@ -26,7 +24,8 @@ from rocon_hub_protocol.core.key import (
     record_key,
     requests_key,
 )
-from rocon_hub_protocol.core.record import (
+from rocon_hub_protocol.password import password_from
+from rocon_hub_protocol.record import (
     Offer,
     PeerRequest,
     Purpose,
@@ -36,8 +35,9 @@ from rocon_hub_protocol.core.record import (
     text_from_record,
     text_from_request,
 )
-from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule
-from tcpros.adapters.descriptor import raise_limit
+from rocon_hub_protocol.redis_client import Access, HubConnection
+from rocon_hub_protocol.rule import Kind, RemoteRule, Rule
+from tcpros.descriptor import raise_limit
 
 PATIENCE = 120.0
 """Time-out for all gateways to converge [s]."""

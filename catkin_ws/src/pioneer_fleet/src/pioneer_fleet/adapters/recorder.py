@@ -15,8 +15,8 @@ from pathlib import Path
 from pioneer_fleet.adapters.recording import BagFile, Kind, McapFile, Message
 from pioneer_node.adapters.end_request import EndRequest
 from rocon_relay.core.connection import is_proxy_uri
-from tcpros.adapters.client import Client, Connection
-from tcpros.core.error import TcprosError
+from tcpros.client import Client, Connection
+from tcpros.error import TcprosError
 
 NAME = "/fleet_recorder"
 _LOOK = 1.0

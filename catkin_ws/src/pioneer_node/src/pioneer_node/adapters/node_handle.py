@@ -19,11 +19,11 @@ from rosgraph_msgs.msg import Clock, Log
 
 from pioneer_node.conversions import frame_of
 from pioneer_node.core.parameter import UNKNOWN
-from tcpros.adapters.node import Node, Publication, ServiceError
-from tcpros.adapters.node_context import PATIENCE, NodeContext
-from tcpros.adapters.reactor import Timer
-from tcpros.adapters.topic_source import Sender
-from tcpros.core.frame import LENGTH_SIZE
+from tcpros.frame import LENGTH_SIZE
+from tcpros.node import Node, Publication, ServiceError
+from tcpros.node_context import PATIENCE, NodeContext
+from tcpros.reactor import Timer
+from tcpros.topic_source import Sender
 
 STRICT = "strict_parameters"
 """Parameter, of a node or an enclosing namespace, that turns unknown parameters into errors."""

@@ -20,8 +20,8 @@ import yaml
 from pioneer_node.adapters.end_request import EndRequest
 from pioneer_node.adapters.node_handle import LOGGER, MasterParameters, NodeHandle
 from pioneer_node.core.parameter import ParameterError
-from tcpros.adapters.node_context import NodeContext
-from tcpros.adapters.reactor import Reactor
+from tcpros.node_context import NodeContext
+from tcpros.reactor import Reactor
 
 Build = Callable[[NodeHandle], Any]
 """Creates the object that does a node's work. Its optional ``end`` method takes a callback to call when done."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pioneer_traffic.core.geometry import Point
 from pioneer_traffic.core.report import Report
 from pioneer_traffic.core.roadmap import Roadmap
-from simple_navigation_goals.core.queue import Outcome
+from simple_navigation_goals.queue import Outcome
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ from pioneer_traffic.core.event import (
 )
 from pioneer_traffic.core.geometry import Point
 from pioneer_traffic.core.roadmap import Roadmap
-from simple_navigation_goals.core.queue import Outcome
+from simple_navigation_goals.queue import Outcome
 
 _SAME = 0.05
 """Distance below which a stop counts as the one that move_base already has [m]."""

@@ -45,8 +45,8 @@ from pioneer_traffic.core.pilot import Pilot
 from pioneer_traffic.core.roadmap import FreeSpace, Roadmap, roadmap_from_space
 from pioneer_traffic.msg import Report as ReportMessage
 from pioneer_traffic.nodes.goal_server import GoalServer
-from simple_navigation_goals.adapters.move_base import MoveBase
-from simple_navigation_goals.core.queue import Outcome
+from simple_navigation_goals.move_base import MoveBase
+from simple_navigation_goals.queue import Outcome
 
 _PERIOD = 0.2
 """Period of reports [s of wall time, or of simulated time in lockstep; this holds for the times below, too]."""

@@ -15,7 +15,7 @@ from nav_bundle.nodes.move_base_action import ActionServer, check_goal
 from nav_bundle.nodes.transform import TransformListener
 from pioneer_node.core.frame import stripped
 from pioneer_node.nodes.rospy_handle import RospyHandle
-from simple_navigation_goals.core.queue import Outcome
+from simple_navigation_goals.queue import Outcome
 
 _TF_TIMEOUT = 1.0
 """Maximum wait for the transform of a goal into map [s of wall time]."""

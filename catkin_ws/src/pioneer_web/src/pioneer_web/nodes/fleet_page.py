@@ -21,8 +21,8 @@ from pioneer_web.nodes.commander import Commander
 from pioneer_web.nodes.feed import Feed
 from pioneer_web.nodes.recording import Recording
 from pioneer_web.nodes.server import Server
-from rocon_flip.core.rule_set import Action, Wish, flipped_from_hub, topic_in
-from rocon_flip.nodes.gateway_client import GatewayClient
+from rocon_flip.gateway_client import GatewayClient
+from rocon_flip.rule_set import Action, Wish, flipped_from_hub, topic_in
 
 NAME = "fleet_page"
 TOKENS = {Role.OPERATOR: "PIONEER_WEB_TOKEN", Role.VIEWER: "PIONEER_WEB_VIEWER_TOKEN"}

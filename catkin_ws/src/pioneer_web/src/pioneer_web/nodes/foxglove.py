@@ -28,7 +28,7 @@ from pioneer_web.core.wire import (
     rows,
 )
 from pioneer_web.nodes.message_class import known_class, message_class, service_class
-from tcpros.adapters.client import Client, ClientError, Connection
+from tcpros.client import Client, ClientError, Connection
 
 LOOK_EVERY = 1.0
 """Poll interval for topics and services at the master while a client is connected [s]."""

@@ -12,9 +12,9 @@ from rocon_gateway.core.matching import rule_from_text
 from rocon_gateway.core.network import Member
 from rocon_gateway.core.rulebook import check_gateway
 from rocon_gateway.core.situation import WORKING, Flipped, RuleState, State
-from rocon_hub_protocol.core.code import Code
-from rocon_hub_protocol.core.record import Record
-from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
+from rocon_hub_protocol.code import Code
+from rocon_hub_protocol.record import Record
+from rocon_hub_protocol.rule import Connection, Kind, RemoteRule, Rule
 from rocon_relay.core.connection import Export, Import, LinkStatus
 from rocon_relay.core.latency import Latency
 from rocon_relay.core.traffic import Flow

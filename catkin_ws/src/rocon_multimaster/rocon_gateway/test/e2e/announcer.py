@@ -15,8 +15,8 @@ from zeroconf import DNSAddress, DNSOutgoing, DNSPointer, DNSService, DNSText
 
 from pioneer_harness.wait import wait_until
 from rocon_gateway.adapters.hubs import Hubs, HubsConfig
-from rocon_hub_protocol.core.record import Record
-from rocon_hub_protocol.core.sighting import SERVICE
+from rocon_hub_protocol.record import Record
+from rocon_hub_protocol.sighting import SERVICE
 
 TRUE = "10.77.77.7"
 PTR, TXT, A, SRV, ANSWER, IN, TTL = 12, 16, 1, 33, 0x8400, 1, 4500

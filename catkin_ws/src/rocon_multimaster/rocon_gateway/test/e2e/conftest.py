@@ -20,7 +20,7 @@ from pioneer_harness.port import PortReservation
 from pioneer_harness.proc import arguments, descendants, process_state
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
-from tcpros.adapters.client import Client, Connection
+from tcpros.client import Client, Connection
 
 HERE = Path(__file__).parent
 RELAY_TEST = HERE.parents[2] / "rocon_relay/test"

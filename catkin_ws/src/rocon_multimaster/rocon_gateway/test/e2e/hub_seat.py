@@ -13,13 +13,13 @@ from rocon_gateway.adapters.hub_client import HubClient, HubContext
 from rocon_gateway.adapters.hub_session import HubSession
 from rocon_gateway.core.hub_state import Publication
 from rocon_gateway.core.presence import Candidate, HubView
-from rocon_hub.adapters.redis_server import RedisServer
-from rocon_hub.adapters.registry import Registry
-from rocon_hub.core.config import HubConfig
-from rocon_hub_protocol.adapters.redis_client import OPEN
-from rocon_hub_protocol.core.address import HubAddress
-from rocon_hub_protocol.core.code import Code, HubError
-from rocon_hub_protocol.core.record import Offer, PeerRequest, Purpose, Record
+from rocon_hub.config import HubConfig
+from rocon_hub.redis_server import RedisServer
+from rocon_hub.registry import Registry
+from rocon_hub_protocol.address import HubAddress
+from rocon_hub_protocol.code import Code, HubError
+from rocon_hub_protocol.record import Offer, PeerRequest, Purpose, Record
+from rocon_hub_protocol.redis_client import OPEN
 
 REQUEST = PeerRequest(offers=(Offer("/flow", "std_msgs/String", "/talker", Purpose.FLIP),))
 

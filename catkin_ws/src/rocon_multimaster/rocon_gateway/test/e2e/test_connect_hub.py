@@ -9,10 +9,10 @@ import redis
 from pioneer_harness.masters import is_running
 from pioneer_harness.wait import START, wait_until
 from rocon_gateway.adapters.hubs import Hubs, HubsConfig
-from rocon_hub_protocol.adapters.redis_client import Access
-from rocon_hub_protocol.core.code import Code, HubError
-from rocon_hub_protocol.core.key import NAME_KEY, PROTOCOL_KEY
-from rocon_hub_protocol.core.record import PROTOCOL, Record
+from rocon_hub_protocol.code import Code, HubError
+from rocon_hub_protocol.key import NAME_KEY, PROTOCOL_KEY
+from rocon_hub_protocol.record import PROTOCOL, Record
+from rocon_hub_protocol.redis_client import Access
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")

@@ -12,7 +12,7 @@ from pioneer_harness.masters import MasterProcess
 from pioneer_harness.port import PortReservation
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
-from tcpros.adapters.client import ClientError
+from tcpros.client import ClientError
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")

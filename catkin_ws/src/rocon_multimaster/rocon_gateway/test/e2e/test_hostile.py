@@ -17,7 +17,7 @@ from measure import MB, checked, memory, open_files
 from nonsense import drawn
 
 from pioneer_harness.wait import START, wait_until
-from rocon_hub_protocol.core.key import GATEWAYS_KEY, alive_key, record_key, requests_key
+from rocon_hub_protocol.key import GATEWAYS_KEY, alive_key, record_key, requests_key
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")

@@ -10,9 +10,9 @@ from hub_seat import REQUEST, Bench, Seat
 from tcp_proxy import TcpProxy
 
 from pioneer_harness.wait import wait_until
-from rocon_hub.adapters.registry import Registry
-from rocon_hub_protocol.core.key import GATEWAYS_KEY, NAME_KEY, alive_key, record_key, requests_key
-from rocon_hub_protocol.core.record import NO_REQUEST, Record, text_from_record, text_from_request
+from rocon_hub.registry import Registry
+from rocon_hub_protocol.key import GATEWAYS_KEY, NAME_KEY, alive_key, record_key, requests_key
+from rocon_hub_protocol.record import NO_REQUEST, Record, text_from_record, text_from_request
 
 
 @pytest.fixture

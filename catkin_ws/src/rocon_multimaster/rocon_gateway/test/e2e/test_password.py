@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from pioneer_harness.wait import START, wait_until
-from rocon_hub.adapters.announcement import Announcement
-from rocon_hub_protocol.core.admission import HubSide
+from rocon_hub.announcement import Announcement
+from rocon_hub_protocol.admission import HubSide
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")

@@ -6,8 +6,8 @@ from rocon_gateway.core.option_rule import OptionRule
 from rocon_gateway.core.reconcile import reconcile
 from rocon_gateway.core.rulebook import RuleBook
 from rocon_gateway.core.situation import Outcome, Remote, Situation
-from rocon_hub_protocol.core.record import PeerRequest, Record, request_from_text, text_from_request
-from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
+from rocon_hub_protocol.record import PeerRequest, Record, request_from_text, text_from_request
+from rocon_hub_protocol.rule import Connection, Kind, RemoteRule, Rule
 from rocon_relay.core.connection import Import, LinkState, LinkStatus
 
 STRING = "std_msgs/String"

@@ -5,7 +5,7 @@ import pytest
 from rocon_gateway.core.config import GatewayConfig, book_from_config, with_custom_rules
 from rocon_gateway.core.error import ConfigError
 from rocon_gateway.core.matching import ALL
-from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule
+from rocon_hub_protocol.rule import Kind, RemoteRule, Rule
 
 
 def test_a_unique_name_has_32_digits_more_unless_told_not_to() -> None:

@@ -1,7 +1,7 @@
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from rocon_gateway.conversions import diagnostic_from_link, message_from_record
-from rocon_hub_protocol.core.record import Record
+from rocon_hub_protocol.record import Record
 from rocon_relay.core.connection import Address, Export, Import, LinkState, LinkStatus
 from rocon_relay.core.latency import Latency
 from rocon_relay.core.traffic import Flow

@@ -11,7 +11,7 @@ from rocon_gateway.core import matching as rule
 from rocon_gateway.core.reconcile import reconcile
 from rocon_gateway.core.situation import Situation, State
 from rocon_gateway.core.spelling import Spelling
-from rocon_hub_protocol.core.rule import Kind
+from rocon_hub_protocol.rule import Kind
 
 NAMES = [f"crowd{number}" for number in range(1000)]
 names = st.text("abc12", max_size=6)

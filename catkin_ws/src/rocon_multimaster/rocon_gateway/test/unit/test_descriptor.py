@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from tcpros.adapters.descriptor import readable
+from tcpros.descriptor import readable
 
 HIGH = 1500
 

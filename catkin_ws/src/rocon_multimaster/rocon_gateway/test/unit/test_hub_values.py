@@ -3,8 +3,8 @@
 import pytest
 
 from rocon_gateway.core.presence import Presence, check_lists
-from rocon_hub_protocol.core.address import HubAddress, address_from_uri
-from rocon_hub_protocol.core.code import Code, HubError
+from rocon_hub_protocol.address import HubAddress, address_from_uri
+from rocon_hub_protocol.code import Code, HubError
 
 HUB = HubAddress("192.168.2.100", 6380)
 

@@ -9,7 +9,7 @@ import pytest
 
 from rocon_gateway.adapters.master import MasterWatch
 from rocon_gateway.adapters.master_line import MasterError
-from rocon_hub_protocol.core.rule import Connection, Kind
+from rocon_hub_protocol.rule import Connection, Kind
 
 
 def answer(value: object, code: int = 1) -> bytes:

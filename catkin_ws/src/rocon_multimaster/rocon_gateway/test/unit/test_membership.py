@@ -3,7 +3,7 @@
 from rocon_gateway.core.membership import Memberships
 from rocon_gateway.core.presence import HubView
 from rocon_gateway.core.situation import Remote
-from rocon_hub_protocol.core.record import Record
+from rocon_hub_protocol.record import Record
 
 
 def remote(name: str, host: str) -> Remote:

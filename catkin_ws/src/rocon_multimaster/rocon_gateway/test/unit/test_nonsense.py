@@ -12,8 +12,8 @@ from rocon_gateway.core.error import RequestError
 from rocon_gateway.core.matching import rule_matches
 from rocon_gateway.core.reconcile import reconcile
 from rocon_gateway.core.situation import Remote, Situation
-from rocon_hub_protocol.core.code import Code
-from rocon_hub_protocol.core.record import (
+from rocon_hub_protocol.code import Code
+from rocon_hub_protocol.record import (
     PeerRequest,
     Record,
     RecordError,
@@ -22,7 +22,7 @@ from rocon_hub_protocol.core.record import (
     text_from_record,
     text_from_request,
 )
-from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule
+from rocon_hub_protocol.rule import Kind, RemoteRule, Rule
 from rocon_relay.core.connection import RelayError
 from rocon_relay.core.link import Hello
 from rocon_relay.core.option import LinkOptions

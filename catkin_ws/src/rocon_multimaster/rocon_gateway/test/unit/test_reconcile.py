@@ -10,7 +10,7 @@ from rocon_gateway.core.option_rule import option_rule
 from rocon_gateway.core.reconcile import reconcile
 from rocon_gateway.core.rulebook import RuleBook
 from rocon_gateway.core.situation import Outcome, Situation, State
-from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule
+from rocon_hub_protocol.rule import Kind, RemoteRule, Rule
 from rocon_relay.core.connection import LinkState
 from rocon_relay.core.option import NO_OPTIONS, LinkOptions
 

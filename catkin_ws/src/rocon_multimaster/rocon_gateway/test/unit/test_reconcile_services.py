@@ -11,8 +11,8 @@ from rocon_gateway.core.matching import ALL
 from rocon_gateway.core.reconcile import reconcile
 from rocon_gateway.core.rulebook import RuleBook
 from rocon_gateway.core.situation import State
-from rocon_hub_protocol.core.code import Code
-from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
+from rocon_hub_protocol.code import Code
+from rocon_hub_protocol.rule import Connection, Kind, RemoteRule, Rule
 from rocon_relay.core.connection import LinkState, proxy_name
 
 FIBONACCI = "actionlib_tutorials/Fibonacci"

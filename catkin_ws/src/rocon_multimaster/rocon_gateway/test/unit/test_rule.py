@@ -16,8 +16,8 @@ from rocon_gateway.core.matching import (
     rule_from_text,
     rule_matches,
 )
-from rocon_hub_protocol.core.code import Code
-from rocon_hub_protocol.core.rule import CONNECTIONS, Connection, Kind, Rule
+from rocon_hub_protocol.code import Code
+from rocon_hub_protocol.rule import CONNECTIONS, Connection, Kind, Rule
 
 UUID = "0123456789abcdef0123456789abcdef"
 

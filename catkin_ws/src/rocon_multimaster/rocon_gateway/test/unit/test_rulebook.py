@@ -5,8 +5,8 @@ import pytest
 from rocon_gateway.core.error import RequestError
 from rocon_gateway.core.matching import ALL
 from rocon_gateway.core.rulebook import RuleBook, check_gateway
-from rocon_hub_protocol.core.code import Code
-from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule
+from rocon_hub_protocol.code import Code
+from rocon_hub_protocol.rule import Kind, RemoteRule, Rule
 
 A, B, C = (Rule(Kind.PUBLISHER, name) for name in ("/a", "/b", "/c"))
 EMPTY = RuleBook("mine")

@@ -10,9 +10,9 @@ import pytest
 
 from rocon_gateway.adapters import hubs
 from rocon_gateway.adapters.hubs import Hubs, HubsConfig
-from rocon_hub_protocol.core.address import HubAddress
-from rocon_hub_protocol.core.record import Record
-from rocon_hub_protocol.core.sighting import Sighting
+from rocon_hub_protocol.address import HubAddress
+from rocon_hub_protocol.record import Record
+from rocon_hub_protocol.sighting import Sighting
 
 SIGHTING = SimpleNamespace(
     hubs=(), ways=lambda _own, _stack: [HubAddress("127.0.0.1", 9)], is_local=lambda _own, _stack: True

@@ -18,12 +18,12 @@ from pioneer_harness.masters import Master
 from pioneer_harness.port import PortReservation
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
-from rocon_hub.adapters.redis_server import RedisServer
-from rocon_hub.adapters.registry import Registry
-from rocon_hub.core.config import LONGEST_VALUE, HubConfig, quoted
-from rocon_hub_protocol.adapters.redis_client import OPEN, Access, NotOurHubError, redis_client
-from rocon_hub_protocol.core.address import HubAddress
-from tcpros.adapters.descriptor import raise_limit
+from rocon_hub.config import LONGEST_VALUE, HubConfig, quoted
+from rocon_hub.redis_server import RedisServer
+from rocon_hub.registry import Registry
+from rocon_hub_protocol.address import HubAddress
+from rocon_hub_protocol.redis_client import OPEN, Access, NotOurHubError, redis_client
+from tcpros.descriptor import raise_limit
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")

@@ -8,14 +8,14 @@ import pytest
 
 from pioneer_harness.port import PortReservation
 from rocon_gateway.adapters.hub_session import HubSession
-from rocon_hub.adapters.redis_server import RedisServer
-from rocon_hub.adapters.registry import Registry
-from rocon_hub.core.config import HubConfig
-from rocon_hub_protocol.adapters.redis_client import OPEN, Access
-from rocon_hub_protocol.core.address import HubAddress
-from rocon_hub_protocol.core.code import Code, HubError
-from tcpros.adapters.authority import Authority
-from tcpros.adapters.tls import certificates_from
+from rocon_hub.config import HubConfig
+from rocon_hub.redis_server import RedisServer
+from rocon_hub.registry import Registry
+from rocon_hub_protocol.address import HubAddress
+from rocon_hub_protocol.code import Code, HubError
+from rocon_hub_protocol.redis_client import OPEN, Access
+from tcpros.authority import Authority
+from tcpros.tls import certificates_from
 
 
 class Servers:

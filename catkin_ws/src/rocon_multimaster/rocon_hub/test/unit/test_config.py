@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from rocon_hub.core.config import Guard, HubConfig, is_open, quoted, redis_configuration
-from rocon_hub.core.error import HubNodeError
-from rocon_hub.core.watch import Watch
+from rocon_hub.config import Guard, HubConfig, is_open, quoted, redis_configuration
+from rocon_hub.error import HubNodeError
+from rocon_hub.watch import Watch
 
 DIRECTORY = Path("/tmp/a b")
 

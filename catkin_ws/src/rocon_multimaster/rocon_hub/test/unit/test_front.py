@@ -14,10 +14,10 @@ import pytest
 
 from pioneer_harness.port import PortReservation
 from pioneer_harness.wait import wait_until
-from rocon_hub.adapters import front
-from rocon_hub.adapters.front import HANDSHAKE_TIME, Front
-from rocon_hub_protocol.core.admission import GatewaySide
-from tcpros.adapters.descriptor import raise_limit
+from rocon_hub import front
+from rocon_hub.front import HANDSHAKE_TIME, Front
+from rocon_hub_protocol.admission import GatewaySide
+from tcpros.descriptor import raise_limit
 
 CROWD = 600
 PATIENCE = 60.0

@@ -2,8 +2,8 @@
 
 import pytest
 
-from rocon_hub_protocol.core.admission import REFUSED, GatewaySide, HubSide
-from rocon_hub_protocol.core.cpace import ProofError
+from rocon_hub_protocol.admission import REFUSED, GatewaySide, HubSide
+from rocon_hub_protocol.cpace import ProofError
 
 SECRET, OTHER = "open sesame", "open barley"
 

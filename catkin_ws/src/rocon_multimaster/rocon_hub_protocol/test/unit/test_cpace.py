@@ -2,7 +2,7 @@
 
 import pytest
 
-from rocon_hub_protocol.core.cpace import Exchange, ProofError, generator
+from rocon_hub_protocol.cpace import Exchange, ProofError, generator
 
 SESSION = bytes.fromhex("7e4b4791d6a8ef019b936c79fb7f2c57")
 

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from rocon_hub_protocol.adapters import redis_client
+from rocon_hub_protocol import redis_client
 
 STEP = 0.05
 

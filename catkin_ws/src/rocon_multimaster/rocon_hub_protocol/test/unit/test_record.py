@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from rocon_hub_protocol.core.record import (
+from rocon_hub_protocol.record import (
     Offer,
     PeerRequest,
     Purpose,
@@ -17,7 +17,7 @@ from rocon_hub_protocol.core.record import (
     text_from_record,
     text_from_request,
 )
-from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
+from rocon_hub_protocol.rule import Connection, Kind, RemoteRule, Rule
 
 RECORD = Record(
     name="aadi1_gateway",

@@ -4,8 +4,8 @@ from ipaddress import IPv4Interface
 
 import pytest
 
-from rocon_hub_protocol.core.address import HubAddress
-from rocon_hub_protocol.core.sighting import LABEL_LENGTH, LOOPBACK, Sighting, instance_name
+from rocon_hub_protocol.address import HubAddress
+from rocon_hub_protocol.sighting import LABEL_LENGTH, LOOPBACK, Sighting, instance_name
 
 OWN = [IPv4Interface("127.0.0.1/8"), IPv4Interface("192.168.2.101/24"), IPv4Interface("172.17.0.1/16")]
 

@@ -11,9 +11,9 @@ import roslib.packages
 import rospkg
 from rosgraph.names import load_mappings
 
-from rocon_launch.adapters.concert_runner import ConcertRunner
-from rocon_launch.core.concert import launches_from_text
-from rocon_launch.core.error import ConcertError
+from rocon_launch.concert import launches_from_text
+from rocon_launch.concert_runner import ConcertRunner
+from rocon_launch.error import ConcertError
 
 USAGE = "rocon_launch [package] file.concert [arg:=value ...]"
 

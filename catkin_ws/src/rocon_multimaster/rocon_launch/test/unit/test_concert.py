@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import pytest
 
-from rocon_launch.core.concert import Launch, launches_from_text
-from rocon_launch.core.error import ConcertError
+from rocon_launch.concert import Launch, launches_from_text
+from rocon_launch.error import ConcertError
 
 CONCERT = """
 <concert>

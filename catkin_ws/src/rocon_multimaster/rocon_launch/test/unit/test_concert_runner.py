@@ -12,9 +12,9 @@ import psutil
 import pytest
 
 from pioneer_harness.wait import wait_until
-from rocon_launch.adapters import concert_runner
-from rocon_launch.adapters.concert_runner import ConcertRunner
-from rocon_launch.core.concert import Launch
+from rocon_launch import concert_runner
+from rocon_launch.concert import Launch
+from rocon_launch.concert_runner import ConcertRunner
 
 ROSLAUNCH = """#!/bin/bash
 # Does what the launch file's name says, in place of roslaunch.

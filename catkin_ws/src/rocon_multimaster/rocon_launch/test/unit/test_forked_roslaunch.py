@@ -9,8 +9,8 @@ DRIVER = """
     import os, sys
     from pioneer_node.adapters.fork_server import start_server
     from pioneer_node.adapters.forked_program import Program
-    from rocon_launch.adapters.roslaunch import RoslaunchProcess
-    from rocon_launch.core.concert import launches_from_text
+    from rocon_launch.roslaunch import RoslaunchProcess
+    from rocon_launch.concert import launches_from_text
 
     server = start_server()
     if isinstance(server, Program):

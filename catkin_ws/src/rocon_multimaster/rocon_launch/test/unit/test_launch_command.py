@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from rocon_launch import command
-from rocon_launch.core.concert import Launch
-from rocon_launch.core.error import ConcertError
+from rocon_launch.concert import Launch
+from rocon_launch.error import ConcertError
 
 
 @pytest.fixture

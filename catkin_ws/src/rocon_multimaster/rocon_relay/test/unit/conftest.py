@@ -4,5 +4,5 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE), str(HERE.parents[2] / "tcpros/test/unit")]
+sys.path[:0] = [str(HERE), str(HERE.parents[3] / "tcpros/test/unit")]
 from identity import identities  # noqa: E402, F401 - a fixture

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from tcpros.core.header import MAX_HEADER, header_bytes
+from tcpros.header import MAX_HEADER, header_bytes
 
 Drawn = TypeVar("Drawn")
 

@@ -5,7 +5,7 @@ import pytest
 from rocon_relay.core.connection import ANY, LinkState, is_proxy_uri, proxy_name, proxy_uri
 from rocon_relay.core.link import Hello, LinkError, is_proof, mismatch, proof, state_from_field
 from rocon_relay.core.option import LinkOptions
-from tcpros.core.header import header_bytes, header_fields
+from tcpros.header import header_bytes, header_fields
 
 HELLO = Hello("/scan", "sensor_msgs/LaserScan", ANY, "/laser", "robot", "base", ("base",), "00ff", keys=("k1", "k2"))
 

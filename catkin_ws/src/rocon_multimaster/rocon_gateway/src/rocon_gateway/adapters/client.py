@@ -8,7 +8,7 @@ import rosgraph
 from gateway_msgs.srv import RemoteGatewayInfo
 
 from rocon_gateway.core.error import GatewayError
-from tcpros.adapters.client import Client, ClientError
+from tcpros.client import Client, ClientError
 
 SUFFIX = "/remote_gateway_info"
 

@@ -15,9 +15,9 @@ import rosgraph.network
 
 from rocon_gateway.adapters.hub_session import HubSession
 from rocon_gateway.core.examination import Contact, Examination, ExaminationError, examination_from_text
-from rocon_hub_protocol.adapters.discovery import Discovery
-from rocon_hub_protocol.core.key import EXAMINE_KEY, examined_key
-from rocon_hub_protocol.core.sighting import Sighting
+from rocon_hub_protocol.discovery import Discovery
+from rocon_hub_protocol.key import EXAMINE_KEY, examined_key
+from rocon_hub_protocol.sighting import Sighting
 
 PATIENCE = 2.0
 """Timeout for one port or announcement [s]."""

@@ -6,7 +6,7 @@ import redis
 
 from rocon_gateway.adapters.hub_session import HubSession
 from rocon_gateway.core.examination import is_request, text_from_examination
-from rocon_hub_protocol.core.key import examined_key
+from rocon_hub_protocol.key import examined_key
 
 MAX_WAITING = 16
 """Maximum number of requests waiting for an examination; further ones are not answered."""

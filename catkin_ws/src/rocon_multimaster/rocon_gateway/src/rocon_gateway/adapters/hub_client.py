@@ -15,9 +15,9 @@ from rocon_gateway.adapters.address import own_address
 from rocon_gateway.adapters.hub_session import HEARTBEAT, Description, HubSession, event_from_message
 from rocon_gateway.core.hub_state import HubState, Publication
 from rocon_gateway.core.presence import Candidate, HubView
-from rocon_hub_protocol.core.code import Code, HubError
-from rocon_hub_protocol.core.key import EXAMINE_KEY
-from tcpros.adapters.descriptor import readable
+from rocon_hub_protocol.code import Code, HubError
+from rocon_hub_protocol.key import EXAMINE_KEY
+from tcpros.descriptor import readable
 
 RETRY = 0.5
 """Average pause between two attempts to connect to a hub [s]; see `retry_pause`."""

@@ -12,18 +12,9 @@ from typing import Any, TypeVar
 
 import redis
 
-from rocon_hub_protocol.adapters.password import FILE_VARIABLE
-from rocon_hub_protocol.adapters.redis_client import (
-    TIMEOUT,
-    Access,
-    NotOurHubError,
-    needs_certificate,
-    redis_client,
-    unreachable,
-)
-from rocon_hub_protocol.core.address import HubAddress
-from rocon_hub_protocol.core.code import Code, HubError
-from rocon_hub_protocol.core.key import (
+from rocon_hub_protocol.address import HubAddress
+from rocon_hub_protocol.code import Code, HubError
+from rocon_hub_protocol.key import (
     EXAMINE_KEY,
     GATEWAYS_KEY,
     NAME_KEY,
@@ -36,7 +27,8 @@ from rocon_hub_protocol.core.key import (
     record_key,
     requests_key,
 )
-from rocon_hub_protocol.core.record import (
+from rocon_hub_protocol.password import FILE_VARIABLE
+from rocon_hub_protocol.record import (
     PROTOCOL,
     PeerRequest,
     Record,
@@ -47,6 +39,14 @@ from rocon_hub_protocol.core.record import (
     sound_namespaces,
     text_from_record,
     text_from_request,
+)
+from rocon_hub_protocol.redis_client import (
+    TIMEOUT,
+    Access,
+    NotOurHubError,
+    needs_certificate,
+    redis_client,
+    unreachable,
 )
 
 Value = TypeVar("Value")

@@ -13,12 +13,12 @@ from rocon_gateway.adapters.hub_session import Description, HubSession
 from rocon_gateway.core.hub_state import Publication
 from rocon_gateway.core.membership import Memberships, Overview
 from rocon_gateway.core.presence import Candidate, HubView, check_lists
-from rocon_hub_protocol.adapters.discovery import Discovery
-from rocon_hub_protocol.adapters.redis_client import OPEN, Access
-from rocon_hub_protocol.core.address import address_from_uri
-from rocon_hub_protocol.core.code import Code, HubError
-from rocon_hub_protocol.core.record import PeerRequest, Record
-from rocon_hub_protocol.core.sighting import Sighting
+from rocon_hub_protocol.address import address_from_uri
+from rocon_hub_protocol.code import Code, HubError
+from rocon_hub_protocol.discovery import Discovery
+from rocon_hub_protocol.record import PeerRequest, Record
+from rocon_hub_protocol.redis_client import OPEN, Access
+from rocon_hub_protocol.sighting import Sighting
 
 LOOK = 3.0
 """Duration of one mDNS search while we are on a hub [s]; without a hub, the search continues."""

@@ -5,7 +5,7 @@ from collections.abc import Collection
 from typing import Any
 
 from rocon_gateway.adapters.master_line import MasterError, MasterLine, UnknownError, request, value
-from rocon_hub_protocol.core.rule import Connection, Kind
+from rocon_hub_protocol.rule import Connection, Kind
 from rocon_relay.core.connection import ANY, is_proxy_uri
 
 _Row = tuple[Kind, str, list[str]]

@@ -4,7 +4,7 @@ import http.client
 import time
 
 from rocon_gateway.adapters.master_line import MasterError, MasterLine, request, value
-from tcpros.adapters.descriptor import readable
+from tcpros.descriptor import readable
 
 LOOK_PERIOD = 0.15
 """Poll period for a master without notifications [s]; with notifications, the minimum average period."""

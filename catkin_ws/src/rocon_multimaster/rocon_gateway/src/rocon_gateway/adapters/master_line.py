@@ -8,7 +8,7 @@ import xmlrpc.client
 from typing import Any
 
 from rocon_gateway.core.error import GatewayError
-from tcpros.core.http import NONSENSE
+from tcpros.http import NONSENSE
 
 TIMEOUT = 3.0
 """Timeout for the master's answer [s]."""

@@ -6,7 +6,7 @@ A node is the server of action `/fibonacci` if it subscribes to `/fibonacci/goal
 
 from collections.abc import Collection, Iterator
 
-from rocon_hub_protocol.core.rule import Connection, Kind
+from rocon_hub_protocol.rule import Connection, Kind
 from rocon_relay.core.connection import ANY
 
 ACTION_KINDS = frozenset({Kind.ACTION_CLIENT, Kind.ACTION_SERVER})

@@ -10,8 +10,8 @@ from rocon_gateway.core.error import ConfigError, GatewayError
 from rocon_gateway.core.matching import rule_from_text
 from rocon_gateway.core.option_rule import OptionRule, option_rule
 from rocon_gateway.core.rulebook import RuleBook, check_gateway
-from rocon_hub_protocol.core.code import Code
-from rocon_hub_protocol.core.rule import RemoteRule, Rule, is_namespace
+from rocon_hub_protocol.code import Code
+from rocon_hub_protocol.rule import RemoteRule, Rule, is_namespace
 from rocon_relay.core.option import OptionError
 
 APPENDED = ("default_flips", "default_advertisements", "default_pulls")

@@ -9,8 +9,8 @@ from rocon_gateway.core.action import status_topic
 from rocon_gateway.core.matching import foreign_namespace
 from rocon_gateway.core.option_rule import OptionRule, rule_for
 from rocon_gateway.core.situation import Remote, Situation, State, Verdict
-from rocon_hub_protocol.core.record import NO_REQUEST, Offer, PeerRequest, Purpose, Reply, Want
-from rocon_hub_protocol.core.rule import Connection, Kind
+from rocon_hub_protocol.record import NO_REQUEST, Offer, PeerRequest, Purpose, Reply, Want
+from rocon_hub_protocol.rule import Connection, Kind
 from rocon_relay.core.connection import ANY, Address, Export, Import, Key, Subject
 from rocon_relay.core.option import NO_OPTIONS
 

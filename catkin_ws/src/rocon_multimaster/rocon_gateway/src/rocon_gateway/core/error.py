@@ -1,6 +1,6 @@
 """The errors of this package."""
 
-from rocon_hub_protocol.core.code import Code
+from rocon_hub_protocol.code import Code
 
 
 class GatewayError(Exception):

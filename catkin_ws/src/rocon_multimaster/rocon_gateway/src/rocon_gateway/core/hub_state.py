@@ -11,10 +11,10 @@ from typing import Protocol
 from rocon_gateway.core.matching import gateways_meant
 from rocon_gateway.core.presence import HubView, Presence
 from rocon_gateway.core.situation import Remote
-from rocon_hub_protocol.core.address import HubAddress
-from rocon_hub_protocol.core.code import Code, HubError
-from rocon_hub_protocol.core.key import GATEWAYS_KEY, record_key, requests_key
-from rocon_hub_protocol.core.record import NO_REQUEST, PeerRequest, Record, is_gateway_name, sound_namespaces
+from rocon_hub_protocol.address import HubAddress
+from rocon_hub_protocol.code import Code, HubError
+from rocon_hub_protocol.key import GATEWAYS_KEY, record_key, requests_key
+from rocon_hub_protocol.record import NO_REQUEST, PeerRequest, Record, is_gateway_name, sound_namespaces
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ import re
 from collections.abc import Collection, Iterable
 
 from rocon_gateway.core.error import RequestError
-from rocon_hub_protocol.core.code import Code
-from rocon_hub_protocol.core.rule import Connection, Kind, Rule
+from rocon_hub_protocol.code import Code
+from rocon_hub_protocol.rule import Connection, Kind, Rule
 from rocon_relay.core.pattern import PatternError, compiled, matches_whole
 
 ALL = ".*"

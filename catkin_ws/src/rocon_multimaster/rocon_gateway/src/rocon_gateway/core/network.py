@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from rocon_gateway.core.matching import base_name, gateway_matches
-from rocon_hub_protocol.core.rule import Kind, RemoteRule, Rule
+from rocon_hub_protocol.rule import Kind, RemoteRule, Rule
 
 FLIP_COLOUR = "purple"
 PULL_COLOUR = "green4"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rocon_gateway.core.matching import ALL, check_pattern, gateway_matches, name_matches, node_matches
-from rocon_hub_protocol.core.code import Code
+from rocon_hub_protocol.code import Code
 from rocon_relay.core.option import NO_OPTIONS, LinkOptions, OptionError, check_frames
 
 _KEYS = ("name", "node", "gateway", *LinkOptions.__dataclass_fields__, "foreign_nodes")

@@ -4,8 +4,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from rocon_gateway.core.situation import Remote
-from rocon_hub_protocol.core.address import HubAddress, address_from_uri
-from rocon_hub_protocol.core.code import Code, HubError
+from rocon_hub_protocol.address import HubAddress, address_from_uri
+from rocon_hub_protocol.code import Code, HubError
 
 
 def check_lists(

@@ -37,8 +37,8 @@ from rocon_gateway.core.matching import (
     rule_matches,
 )
 from rocon_gateway.core.situation import Flipped, Outcome, Remote, RuleState, Situation, State, Verdict
-from rocon_hub_protocol.core.record import Offer, Purpose, Reply, Want
-from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
+from rocon_hub_protocol.record import Offer, Purpose, Reply, Want
+from rocon_hub_protocol.rule import Connection, Kind, RemoteRule, Rule
 from rocon_relay.core.connection import ANY
 
 _REFUSALS = (State.FIREWALLED, State.BLACKLISTED, State.REFUSED)

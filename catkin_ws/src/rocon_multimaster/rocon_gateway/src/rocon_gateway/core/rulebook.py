@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 
 from rocon_gateway.core.error import RequestError
 from rocon_gateway.core.matching import ALL, absolute_name, base_name, blacklisting, check_pattern, is_literal
-from rocon_hub_protocol.core.code import Code
-from rocon_hub_protocol.core.rule import CONNECTIONS, Connection, Kind, RemoteRule, Rule
+from rocon_hub_protocol.code import Code
+from rocon_hub_protocol.rule import CONNECTIONS, Connection, Kind, RemoteRule, Rule
 
 _EXISTS = {"flip": Code.FLIP_RULE_ALREADY_EXISTS, "pull": Code.PULL_RULE_ALREADY_EXISTS}
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 from rocon_gateway.core.option_rule import OptionRule
 from rocon_gateway.core.rulebook import RuleBook
-from rocon_hub_protocol.core.record import NO_REQUEST, PeerRequest, Record
-from rocon_hub_protocol.core.rule import Connection, Rule
+from rocon_hub_protocol.record import NO_REQUEST, PeerRequest, Record
+from rocon_hub_protocol.rule import Connection, Rule
 from rocon_relay.core.connection import Export, Import, LinkStatus
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from rocon_gateway.core.matching import absolute_name, base_name, is_literal, name_matches
 from rocon_gateway.core.situation import State, Verdict
 from rocon_gateway.core.spelling import spelling_of
-from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
+from rocon_hub_protocol.rule import Connection, Kind, RemoteRule, Rule
 from rocon_relay.core.connection import Import, LinkState, LinkStatus
 
 _ORDER = (

@@ -4,9 +4,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from tcpros.adapters.authority import AUTHORITY_KEY, DAYS, Authority
-from tcpros.adapters.tls import VARIABLE
-from tcpros.core.error import CertificateError
+from tcpros.authority import AUTHORITY_KEY, DAYS, Authority
+from tcpros.error import CertificateError
+from tcpros.tls import VARIABLE
 
 
 def main() -> int:

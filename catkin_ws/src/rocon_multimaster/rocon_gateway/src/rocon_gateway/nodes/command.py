@@ -20,7 +20,7 @@ from rocon_gateway import conversions
 from rocon_gateway.adapters.client import GatewayClient, NoGatewayError
 from rocon_gateway.core import network
 from rocon_gateway.core.table import listing, table
-from rocon_hub_protocol.core.rule import Kind
+from rocon_hub_protocol.rule import Kind
 
 
 def rules() -> int:

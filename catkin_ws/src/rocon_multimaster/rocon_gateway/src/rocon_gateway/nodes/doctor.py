@@ -17,12 +17,12 @@ from rocon_gateway.adapters.client import GatewayClient, NoGatewayError
 from rocon_gateway.adapters.hub_session import HubSession
 from rocon_gateway.core import diagnosis, verdict
 from rocon_gateway.core.diagnosis import Finding, Level
-from rocon_hub_protocol.adapters.password import password_from
-from rocon_hub_protocol.adapters.redis_client import Access
-from rocon_hub_protocol.core.address import address_from_uri
-from rocon_hub_protocol.core.code import HubProtocolError
-from tcpros.adapters.tls import certificates_from
-from tcpros.core.error import CertificateError
+from rocon_hub_protocol.address import address_from_uri
+from rocon_hub_protocol.code import HubProtocolError
+from rocon_hub_protocol.password import password_from
+from rocon_hub_protocol.redis_client import Access
+from tcpros.error import CertificateError
+from tcpros.tls import certificates_from
 
 HUB_FIX = "start it (rosrun pioneer_networking run-pioneer-hub); let its port through the firewall there"
 NO_HUB_FIX = (

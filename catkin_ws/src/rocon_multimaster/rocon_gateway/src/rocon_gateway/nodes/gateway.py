@@ -36,19 +36,19 @@ from rocon_gateway.core.reconcile import reconcile
 from rocon_gateway.core.situation import Outcome, Situation
 from rocon_gateway.nodes.computer import ComputerTopic, LogTopic
 from rocon_gateway.nodes.service_handlers import ServiceHandlers
-from rocon_hub_protocol.adapters.password import password_from
-from rocon_hub_protocol.adapters.redis_client import OPEN, Access
-from rocon_hub_protocol.core.code import HubProtocolError
-from rocon_hub_protocol.core.record import Record
-from rocon_hub_protocol.core.sighting import LOOPBACK
+from rocon_hub_protocol.code import HubProtocolError
+from rocon_hub_protocol.password import password_from
+from rocon_hub_protocol.record import Record
+from rocon_hub_protocol.redis_client import OPEN, Access
+from rocon_hub_protocol.sighting import LOOPBACK
 from rocon_relay.adapters.keyring import PasswordKeyring
 from rocon_relay.adapters.relay import TcpRelay
 from rocon_relay.core.connection import Export, Import, LinkState, LinkStatus, RelayConfig, Subject
 from rocon_relay.core.traffic import Traffic
-from tcpros.adapters.descriptor import raise_limit
-from tcpros.adapters.reactor import Reactor
-from tcpros.adapters.tls import Certificates, certificates_from
-from tcpros.core.error import CertificateError
+from tcpros.descriptor import raise_limit
+from tcpros.error import CertificateError
+from tcpros.reactor import Reactor
+from tcpros.tls import Certificates, certificates_from
 
 _HUB = "/hub"
 SETTLE = 1.0

@@ -12,7 +12,7 @@ from rocon_gateway import conversions
 from rocon_gateway.adapters.hubs import Hubs
 from rocon_gateway.core.error import GatewayError, RequestError
 from rocon_gateway.core.rulebook import RuleBook, check_gateway
-from rocon_hub_protocol.core.code import Code, HubError
+from rocon_hub_protocol.code import Code, HubError
 from rocon_relay.adapters.relay import TcpRelay
 
 

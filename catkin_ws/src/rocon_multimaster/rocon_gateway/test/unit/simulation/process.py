@@ -19,10 +19,10 @@ from rocon_gateway.core.membership import Memberships, Overview
 from rocon_gateway.core.presence import HubView
 from rocon_gateway.core.reconcile import reconcile
 from rocon_gateway.core.situation import Outcome, Situation
-from rocon_hub_protocol.adapters.redis_client import OPEN, TIMEOUT
-from rocon_hub_protocol.core.address import HubAddress
-from rocon_hub_protocol.core.code import Code, HubError
-from rocon_hub_protocol.core.record import Record
+from rocon_hub_protocol.address import HubAddress
+from rocon_hub_protocol.code import Code, HubError
+from rocon_hub_protocol.record import Record
+from rocon_hub_protocol.redis_client import OPEN, TIMEOUT
 from rocon_relay.core.connection import Export, Import, LinkState, LinkStatus
 
 if TYPE_CHECKING:

@@ -17,10 +17,10 @@ from schedule import NAMES, Fault
 from rocon_gateway.core.matching import ALL
 from rocon_gateway.core.rulebook import RuleBook
 from rocon_gateway.core.situation import Outcome
-from rocon_hub.adapters.registry import Registry
-from rocon_hub_protocol.core.key import GATEWAYS_KEY, requests_key
-from rocon_hub_protocol.core.record import text_from_request
-from rocon_hub_protocol.core.rule import Connection, Kind, RemoteRule, Rule
+from rocon_hub.registry import Registry
+from rocon_hub_protocol.key import GATEWAYS_KEY, requests_key
+from rocon_hub_protocol.record import text_from_request
+from rocon_hub_protocol.rule import Connection, Kind, RemoteRule, Rule
 
 HUB_LOOK = 0.25
 PATIENCE = 60.0

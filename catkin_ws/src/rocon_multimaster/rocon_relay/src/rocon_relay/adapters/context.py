@@ -6,11 +6,11 @@ from collections.abc import Callable
 from rocon_relay.core.connection import RelayConfig
 from rocon_relay.core.latency import RoundTrips
 from rocon_relay.core.option import LinkOptions
-from tcpros.adapters.node_context import NodeContext, Pause
-from tcpros.adapters.reactor import Reactor
-from tcpros.adapters.tls import Certificates
-from tcpros.adapters.tls_socket import Tls
-from tcpros.core.backlog import Backlog
+from tcpros.backlog import Backlog
+from tcpros.node_context import NodeContext, Pause
+from tcpros.reactor import Reactor
+from tcpros.tls import Certificates
+from tcpros.tls_socket import Tls
 
 
 class Context(NodeContext):

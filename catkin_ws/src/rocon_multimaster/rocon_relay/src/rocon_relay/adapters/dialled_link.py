@@ -6,9 +6,9 @@ from typing import Protocol
 from rocon_relay.adapters.context import Context
 from rocon_relay.core.connection import Address, LinkState
 from rocon_relay.core.link import VERSION, Hello, LinkError, is_proof, proof, state_from_field
-from tcpros.adapters.dialled_stream import DialledStream, watch_liveness
-from tcpros.core.frame import LENGTH_SIZE, control_frame, is_control
-from tcpros.core.header import header_bytes, header_parser
+from tcpros.dialled_stream import DialledStream, watch_liveness
+from tcpros.frame import LENGTH_SIZE, control_frame, is_control
+from tcpros.header import header_bytes, header_parser
 
 
 class LinkOwner(Protocol):

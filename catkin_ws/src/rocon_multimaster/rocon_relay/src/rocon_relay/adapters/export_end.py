@@ -20,15 +20,15 @@ from rocon_relay.core.link import (
     seconds_from_field,
 )
 from rocon_relay.core.option import NO_OPTIONS
-from tcpros.adapters.dialled_stream import watch_liveness
-from tcpros.adapters.node_port import Ended
-from tcpros.adapters.reactor import Timer
-from tcpros.adapters.stream import Stream
-from tcpros.adapters.tls import VARIABLE
-from tcpros.adapters.tls_socket import begins_tls
-from tcpros.core.fanout import Outlet
-from tcpros.core.frame import CONTROL_MARK, LENGTH_SIZE, Chunk, control_frame
-from tcpros.core.header import header_bytes, header_parser
+from tcpros.dialled_stream import watch_liveness
+from tcpros.fanout import Outlet
+from tcpros.frame import CONTROL_MARK, LENGTH_SIZE, Chunk, control_frame
+from tcpros.header import header_bytes, header_parser
+from tcpros.node_port import Ended
+from tcpros.reactor import Timer
+from tcpros.stream import Stream
+from tcpros.tls import VARIABLE
+from tcpros.tls_socket import begins_tls
 
 UNSENT = 64 * 1024
 """Limit of unsent data in the kernel for a link with a `queue_size` option [bytes]."""

@@ -12,11 +12,11 @@ from rocon_relay.adapters.standing_import import StandingImport
 from rocon_relay.core.connection import ANY, Import, LinkState, LinkStatus
 from rocon_relay.core.link import Hello, limit_from_fields, mismatch, state_from_field
 from rocon_relay.core.pattern import matches_whole
-from tcpros.adapters.node_port import Ended, RefusedError
-from tcpros.adapters.stream import Stream
-from tcpros.core.fanout import Fanout
-from tcpros.core.frame import control_frame
-from tcpros.core.header import header_bytes
+from tcpros.fanout import Fanout
+from tcpros.frame import control_frame
+from tcpros.header import header_bytes
+from tcpros.node_port import Ended, RefusedError
+from tcpros.stream import Stream
 
 
 class ImportEnd(StandingImport):

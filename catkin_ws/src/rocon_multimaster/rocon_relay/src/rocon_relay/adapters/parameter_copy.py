@@ -12,7 +12,7 @@ from rocon_relay.adapters.proxy_node import ProxyNodes
 from rocon_relay.adapters.standing_import import DialledImport
 from rocon_relay.core.connection import Address, Export, Import, LinkState, LinkStatus
 from rocon_relay.core.link import Hello, LinkError
-from tcpros.core.http import NONSENSE
+from tcpros.http import NONSENSE
 
 MAX_PARAMETER = 2**20
 """Maximum size of a parameter's value as XML-RPC text [bytes]."""

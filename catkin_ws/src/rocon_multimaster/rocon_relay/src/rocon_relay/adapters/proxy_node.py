@@ -2,7 +2,7 @@
 
 from rocon_relay.adapters.context import Context
 from rocon_relay.core.connection import proxy_uri
-from tcpros.adapters.node_port import NodePort, Offered, Topic
+from tcpros.node_port import NodePort, Offered, Topic
 
 
 class ProxyNodes:

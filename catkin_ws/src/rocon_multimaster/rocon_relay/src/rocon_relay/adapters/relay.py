@@ -28,9 +28,9 @@ from rocon_relay.core.connection import (
 )
 from rocon_relay.core.link import Hello, mismatch
 from rocon_relay.core.pattern import compiled
-from tcpros.adapters.listener import Listener
-from tcpros.adapters.reactor import Reactor
-from tcpros.adapters.tls import Certificates
+from tcpros.listener import Listener
+from tcpros.reactor import Reactor
+from tcpros.tls import Certificates
 
 MAX_UNIDENTIFIED = 256
 """Maximum number of connections not yet accepted as links; one more closes the oldest."""

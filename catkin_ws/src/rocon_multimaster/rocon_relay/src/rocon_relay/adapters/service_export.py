@@ -10,9 +10,9 @@ from rocon_relay.adapters.service_import import MAX_REASON, PASSED_ON
 from rocon_relay.adapters.service_pipe import ServicePipe
 from rocon_relay.core.connection import Export, LinkState, LinkStatus, Subject, proxy_name
 from rocon_relay.core.link import Hello
-from tcpros.adapters.dialled_stream import DialledStream, watch_liveness
-from tcpros.core.header import HeaderError, header_bytes, header_parser
-from tcpros.core.service_call import CallTotals
+from tcpros.dialled_stream import DialledStream, watch_liveness
+from tcpros.header import HeaderError, header_bytes, header_parser
+from tcpros.service_call import CallTotals
 
 
 class ServiceExportEnd:

@@ -10,10 +10,10 @@ from rocon_relay.adapters.proxy_node import ProxyNode, ProxyNodes
 from rocon_relay.adapters.service_pipe import ServicePipe
 from rocon_relay.adapters.standing_import import StandingImport
 from rocon_relay.core.connection import ANY, Import, LinkState, LinkStatus, Subject
-from tcpros.adapters.node_port import Ended
-from tcpros.adapters.stream import Stream
-from tcpros.core.header import HeaderError, header_bytes
-from tcpros.core.service_call import CallTotals
+from tcpros.header import HeaderError, header_bytes
+from tcpros.node_port import Ended
+from tcpros.service_call import CallTotals
+from tcpros.stream import Stream
 
 MAX_CALLS = 256
 """Maximum number of concurrent clients of one service; one more is refused."""

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from tcpros.adapters.stream import Stream
-from tcpros.core.service_call import CallTotals, Conversation
+from tcpros.service_call import CallTotals, Conversation
+from tcpros.stream import Stream
 
 Follow = Callable[[memoryview], None]
 """Checks the bytes that pass; raises TcprosError for invalid ones."""

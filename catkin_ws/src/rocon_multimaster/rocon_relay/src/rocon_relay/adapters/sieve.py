@@ -5,10 +5,10 @@ from collections.abc import Iterator
 
 from rocon_relay.core.option import LinkOptions
 from rocon_relay.core.sieve import TF_TYPES, Pace, StampPace, deflated, inflated, matching_transforms, whole_frame
-from tcpros.adapters.reactor import Reactor, Timer
-from tcpros.core.backlog import UNBOUNDED, Backlog
-from tcpros.core.fanout import Fanout, Outlet
-from tcpros.core.frame import LENGTH_SIZE, Chunk
+from tcpros.backlog import UNBOUNDED, Backlog
+from tcpros.fanout import Fanout, Outlet
+from tcpros.frame import LENGTH_SIZE, Chunk
+from tcpros.reactor import Reactor, Timer
 
 QUIET = 0.5
 """After this long, at most twice, without a message of a kind, its last one is sent whatever its stamp [s]."""

@@ -10,7 +10,7 @@ from rocon_relay.adapters.dialled_link import DialledLink
 from rocon_relay.adapters.proxy_node import ProxyNode, ProxyNodes
 from rocon_relay.core.connection import ANY, Import, LinkState
 from rocon_relay.core.link import Hello
-from tcpros.adapters.reactor import Timer
+from tcpros.reactor import Timer
 
 CLOSE_AFTER = 0.5
 """Delay between an unregistration and closing the users, if the master does not answer earlier [s]."""

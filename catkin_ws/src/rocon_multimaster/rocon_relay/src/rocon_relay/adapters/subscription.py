@@ -5,9 +5,9 @@ from typing import Any, Protocol
 
 from rocon_relay.adapters.context import Context
 from rocon_relay.core.connection import ANY, Export
-from tcpros.adapters.reactor import Timer
-from tcpros.adapters.topic_source import PublisherConnection, offered_address
-from tcpros.core.fanout import Fanout, Outlet
+from tcpros.fanout import Fanout, Outlet
+from tcpros.reactor import Timer
+from tcpros.topic_source import PublisherConnection, offered_address
 
 
 class Customer(Protocol):

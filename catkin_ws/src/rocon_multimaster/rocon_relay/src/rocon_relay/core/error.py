@@ -1,6 +1,6 @@
 """The base class of this package's errors."""
 
-from tcpros.core.error import TcprosError
+from tcpros.error import TcprosError
 
 
 class RelayError(TcprosError):

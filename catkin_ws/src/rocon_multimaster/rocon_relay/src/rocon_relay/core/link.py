@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from rocon_relay.core.connection import ANY, LinkState, Subject
 from rocon_relay.core.error import RelayError
 from rocon_relay.core.option import NO_OPTIONS, LinkOptions, OptionError, options_from_fields
-from tcpros.core.header import header_bytes
+from tcpros.header import header_bytes
 
 VERSION = "2"
 

@@ -6,7 +6,7 @@ import zlib
 from collections.abc import Callable
 
 from rocon_relay.core.error import RelayError
-from tcpros.core.frame import Chunk
+from tcpros.frame import Chunk
 
 TF_TYPES = frozenset({"tf2_msgs/TFMessage", "tf/tfMessage"})
 """Message types that consist of one array of geometry_msgs/TransformStamped."""

@@ -17,7 +17,7 @@ from rocon_relay.adapters.keyring import PasswordKeyring
 from rocon_relay.adapters.relay import TcpRelay
 from rocon_relay.core.connection import ANY, Address, Export, Import, LinkState, RelayConfig
 from rocon_relay.core.option import NO_OPTIONS
-from tcpros.core.header import header_bytes, header_fields
+from tcpros.header import header_bytes, header_fields
 
 NODES = Path(__file__).parent.parent.parent / "node"
 STRING = "std_msgs/String"

@@ -8,7 +8,7 @@ import pytest
 from relay_side import Subscriber, connect, number_of_good
 
 from pioneer_harness.wait import wait_until
-from tcpros.adapters.stream import Stream
+from tcpros.stream import Stream
 
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

@@ -12,8 +12,8 @@ from rocon_relay.adapters.export_end import ExportEnd
 from rocon_relay.adapters.subscription import Subscription
 from rocon_relay.core.connection import Export, RelayConfig, Subject
 from rocon_relay.core.link import Hello
-from tcpros.adapters.reactor import Reactor
-from tcpros.core.header import header_bytes
+from tcpros.header import header_bytes
+from tcpros.reactor import Reactor
 
 RESET = struct.pack("ii", 1, 0)
 """SO_LINGER by which `close` tells the other end at once that the connection is no more."""

@@ -3,6 +3,7 @@
 import errno
 import logging
 import os
+import re
 import socket
 import sys
 
@@ -14,7 +15,7 @@ from test_services import connect as connect_service
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 from rocon_relay.core.connection import ANY, Export, Import, LinkState, Subject
-from tcpros.adapters import dialled_stream, listener
+from tcpros import dialled_stream, listener
 
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -27,7 +28,9 @@ class Scarce:
         self._left = {}
 
     def refuse(self, module, times):
-        self._left[next(name for name in sys.modules if name.endswith(f".adapters.{module}"))] = times
+        self._left[
+            next(name for name in sys.modules if re.fullmatch(rf"(tcpros|rocon_relay\.adapters)\.{module}", name))
+        ] = times
 
     @property
     def is_over(self):

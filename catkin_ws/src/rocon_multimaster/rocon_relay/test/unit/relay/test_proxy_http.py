@@ -10,8 +10,8 @@ import pytest
 from relay_side import connect
 
 from pioneer_harness.wait import wait_until
-from tcpros.adapters.node_port import MAX_UNIDENTIFIED
-from tcpros.core.http import http_message
+from tcpros.http import http_message
+from tcpros.node_port import MAX_UNIDENTIFIED
 
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

@@ -17,7 +17,7 @@ from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
 from rocon_relay.adapters import service_import
 from rocon_relay.core.connection import ANY, Export, Import, LinkState, Subject
-from tcpros.core.header import header_bytes, header_fields
+from tcpros.header import header_bytes, header_fields
 
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

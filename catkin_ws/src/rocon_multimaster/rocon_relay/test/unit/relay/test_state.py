@@ -10,7 +10,7 @@ from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
 from rocon_relay.core.connection import ANY, ConnectionConflictError, LinkState
 from rocon_relay.core.pattern import PatternError
-from tcpros.core.header import header_bytes
+from tcpros.header import header_bytes
 
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

@@ -8,7 +8,7 @@ from relay_side import Subscriber, connect, export, imported, number_of_good, wa
 
 from pioneer_harness.wait import wait_until
 from rocon_relay.core.connection import LinkState
-from tcpros.core.header import header_bytes
+from tcpros.header import header_bytes
 
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

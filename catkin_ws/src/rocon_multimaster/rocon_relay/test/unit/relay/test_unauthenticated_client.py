@@ -23,7 +23,7 @@ from relay_side import (
 from pioneer_harness.wait import wait_until
 from rocon_relay.core.connection import ANY, Address, Export, Import, LinkState, Subject
 from rocon_relay.core.link import Hello, proof
-from tcpros.core.header import header_bytes, header_fields
+from tcpros.header import header_bytes, header_fields
 
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

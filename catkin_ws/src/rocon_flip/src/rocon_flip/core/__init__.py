@@ -1,1 +1,0 @@
-"""The rules that each script requests; does not need ROS."""

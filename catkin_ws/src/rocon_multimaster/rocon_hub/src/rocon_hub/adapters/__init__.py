@@ -1,1 +1,0 @@
-"""Adapters: the Redis process, its keys, the hub's port and mDNS."""

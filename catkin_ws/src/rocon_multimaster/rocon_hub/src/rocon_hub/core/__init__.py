@@ -1,1 +1,0 @@
-"""The pure core of the hub: no ROS, processes or clocks."""

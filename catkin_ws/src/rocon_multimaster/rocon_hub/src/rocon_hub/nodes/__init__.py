@@ -1,1 +1,0 @@
-"""The node: the only place for rospy."""

@@ -1,1 +1,0 @@
-"""The pure core: .concert files. No processes, no terminal."""

@@ -1,1 +1,0 @@
-"""Adapters, one per module: the move_base action, files of waypoints."""

@@ -1,1 +1,0 @@
-"""Logic without ROS: waypoints, their queue, patrols, and the spin recovery."""

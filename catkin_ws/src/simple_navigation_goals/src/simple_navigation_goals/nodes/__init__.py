@@ -1,1 +1,0 @@
-"""The nodes: waypoint clients and spin recovery."""

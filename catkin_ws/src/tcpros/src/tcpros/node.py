@@ -1,0 +1,318 @@
+"""A ROS node on a reactor. One process can host several, each with its own name, port and slave API.
+
+Supports topics, services, the slave API for tools, and shutdown on request. The `NodeHandle` of `pioneer_node` adds
+the rest of a rospy node: name resolution, parameters, ROS time, ``/rosout``.
+"""
+
+import struct
+import threading
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from tcpros.error import TcprosError
+from tcpros.fanout import Fanout
+from tcpros.header import header_bytes
+from tcpros.node_context import NodeContext
+from tcpros.node_port import Ended, NodePort, RefusedError
+from tcpros.reactor import Reactor
+from tcpros.service_call import failure
+from tcpros.stream import Stream
+from tcpros.topic_source import Taken, TopicSource
+from tcpros.xmlrpc_client import NoAnswer
+
+MAX_MESSAGE = 256 * 2**20
+"""Maximum message size [bytes]."""
+
+QUEUE_MESSAGES, QUEUE_BYTES = 100, 2**20
+"""Queue limits for one slow subscriber; beyond them, the oldest messages are dropped."""
+
+ASK_AGAIN = 0.5
+"""Retry interval while the master does not answer [s]."""
+
+_LENGTH = struct.Struct("<I")
+
+
+class ServiceError(TcprosError):
+    """A service call failed; the text is sent to the client."""
+
+
+class Publication:
+    """A topic that a node publishes."""
+
+    def __init__(self, name: str, topic: str, kind: Any, latching: bool) -> None:
+        self.type = kind._type  #: its message type
+        self.subscribers: dict[Stream, str] = {}  #: subscriber names by connection
+        self._md5sum = kind._md5sum
+        self._fanout = Fanout(MAX_MESSAGE)
+        self._fanout.begin(latching)
+        self._header = header_bytes(
+            {
+                "callerid": name,
+                "latching": str(int(latching)),
+                "md5sum": kind._md5sum,
+                "message_definition": kind._full_text,
+                "topic": topic,
+                "type": kind._type,
+            }
+        )
+
+    def refusal(self, name: str) -> str:
+        """Returns "": every node may subscribe."""
+        del name
+        return ""
+
+    def send(self, frame: bytes) -> None:
+        """Sends a frame (length and serialized message) to all subscribers."""
+        self._fanout.feed(memoryview(frame))
+
+    def admit(self, connection: Stream, fields: Mapping[str, str]) -> Ended:
+        """Accepts a subscriber with its connection header. Raises RefusedError if the type differs."""
+        for field, ours in (("md5sum", self._md5sum), ("type", self.type)):
+            if fields.get(field, "*") not in ("*", ours):
+                raise RefusedError(f"the topic's {field} is {ours}, not {fields[field]}")
+        self.subscribers[connection] = fields.get("callerid", "")
+        connection.send(self._header)
+        connection.backlog.bound(QUEUE_MESSAGES, QUEUE_BYTES, drops_first=True)
+        self._fanout.join(connection)
+
+        def ended(_reason: str) -> None:
+            self._fanout.remove(connection)
+            del self.subscribers[connection]
+
+        return ended
+
+
+class Service:
+    """A service of a node.
+
+    Args:
+        name: name of the node.
+        kind: the service class.
+        answer: turns a serialised request into a response frame.
+        reactor: given if ``answer`` may block; each call then runs in its own thread. None calls it directly.
+    """
+
+    def __init__(self, name: str, kind: Any, answer: Callable[[bytes], bytes], reactor: Reactor | None = None) -> None:
+        self._answer, self._reactor = answer, reactor
+        self._md5sum = kind._md5sum
+        self._header = header_bytes({"callerid": name, "md5sum": kind._md5sum, "type": kind._type})
+
+    def admit(self, connection: Stream, fields: Mapping[str, str]) -> Ended:
+        """Accepts a client with its connection header. Raises RefusedError if the type differs."""
+        if fields.get("md5sum", "*") not in ("*", self._md5sum):
+            raise RefusedError(f"the service's md5sum is {self._md5sum}, not {fields['md5sum']}")
+        persistent = fields.get("persistent", "") in ("1", "true", "True")
+
+        def send(answer: bytes) -> None:
+            if connection.is_closed:
+                return
+            if not persistent:
+                connection.finish(answer)
+                return
+            connection.send(answer)
+            if not connection.is_reading:
+                connection.read_on()
+
+        def parse(data: memoryview) -> int:
+            end = _LENGTH.size + _LENGTH.unpack_from(data)[0] if len(data) >= _LENGTH.size else len(data) + 1
+            if len(data) < end or not connection.is_reading:  # one request at a time
+                return 0
+            request = bytes(data[_LENGTH.size : end])
+            if self._reactor is None:
+                send(self._answered(request))
+            else:
+                connection.hold()
+                threading.Thread(target=self._answer_later, args=(request, send), daemon=True).start()
+            return end
+
+        connection.send(self._header)
+        connection.parse = parse
+        return lambda _reason: None
+
+    def _answer_later(self, request: bytes, send: Callable[[bytes], None]) -> None:
+        assert self._reactor is not None, "only then"
+        self._reactor.call(partial(send, self._answered(request)))
+
+    def _answered(self, request: bytes) -> bytes:
+        try:
+            return b"\x01" + self._answer(request)
+        except ServiceError as error:
+            return failure(str(error))
+
+
+def _ignore(_: object) -> None:
+    """Does nothing."""
+
+
+class Node:
+    """One node. All methods must be called in the reactor's thread.
+
+    Args:
+        context: shared with the other nodes of the process.
+        name: its resolved name.
+        shut_down: called with the reason when the node has to shut down; the callee then calls `close`.
+    """
+
+    def __init__(self, context: NodeContext, name: str, shut_down: Callable[[str], object]) -> None:
+        self.name = name
+        self._context = context
+        self._shut_down = shut_down
+        self._published: dict[str, Publication] = {}
+        self._subscribed: dict[str, TopicSource] = {}
+        self._left: set[str] = set()
+        self._services: dict[str, Service] = {}
+        self._watched: dict[str, Callable[[Any], object]] = {}
+        self._unanswered = self._in_flight = 0
+        self._unregister: Callable[[], object] | None = None
+        self._is_unheard = self._is_closing = False
+        self._registered: list[Callable[[], object]] = []
+        self._port = NodePort(context, name, self._published, self._services)
+        self.uri = self._port.api.uri  #: URI of its slave API
+        self._service_uri = f"rosrpc://{context.host}:{self._port.number}"
+        self._port.api.subscribed, self._port.api.parameters = self._subscribed, self._watched
+        self._port.api.shut_down = self._asked_to_end
+        self._port.open()
+
+    def publish(self, topic: str, kind: Any, latching: bool = False) -> Publication:
+        """Advertises a topic, given its resolved name; returns the publication."""
+        publication = self._published[topic] = Publication(self.name, topic, kind, latching)
+        self._register("registerPublisher", topic, kind._type, self.uri)
+        return publication
+
+    def subscribe(self, topic: str, kind: Any, taken: Taken) -> TopicSource:
+        """Subscribes to a topic, given its resolved name; returns its connections."""
+        fields = {"topic": topic, "type": kind._type, "md5sum": kind._md5sum}
+        source = self._subscribed[topic] = TopicSource(self._context, self.name, fields, taken)
+        self._register("registerSubscriber", topic, kind._type, self.uri, done=source.update)
+        return source
+
+    def unsubscribe(self, topic: str) -> None:
+        """Ends a subscription."""
+        self._subscribed.pop(topic).close()
+        self._left.add(topic)
+        # The master may execute calls in another order than they were made.
+        self.when_registered(self._unregister_left)
+
+    def _unregister_left(self) -> None:
+        left, self._left = self._left - self._subscribed.keys(), set()
+        for topic in left:
+            self._register("unregisterSubscriber", topic, self.uri)
+
+    def watch(self, parameter: str, changed: Callable[[Any], object]) -> None:
+        """Subscribes to a parameter: calls ``changed`` with its value now and whenever it is set.
+
+        The name must be resolved. The value of an unset parameter is an empty dictionary.
+        """
+        self._watched[parameter] = changed
+        self._register("subscribeParam", self.uri, parameter, done=changed)
+
+    def serve(self, service: str, kind: Any, answer: Callable[[bytes], bytes], may_wait: bool = False) -> None:
+        """Advertises a service.
+
+        Args:
+            service: its resolved name.
+            kind: its class.
+            answer: turns a serialised request into a response frame.
+            may_wait: whether ``answer`` may block; each call then runs in its own thread.
+        """
+        self._services[service] = Service(self.name, kind, answer, self._context.reactor if may_wait else None)
+        self._register("registerService", service, self._service_uri, self.uri)
+
+    def when_registered(self, done: Callable[[], object]) -> None:
+        """Calls ``done`` once all current registrations are confirmed by the master."""
+        self._registered.append(done)
+        self._answered(0)
+
+    def register_again(self) -> None:
+        """Repeats all registrations at a restarted master. Failures are ignored; the caller may call this again."""
+        calls = [("registerPublisher", topic, one.type, self.uri) for topic, one in self._published.items()]
+        calls += [("registerSubscriber", topic, one.type, self.uri) for topic, one in self._subscribed.items()]
+        for method, *arguments in calls:
+            done = self._subscribed[arguments[0]].update if method == "registerSubscriber" else _ignore
+            self._context.master.call(method, (self.name, *arguments), done, _ignore)
+        for service in self._services:
+            arguments = [service, self._service_uri, self.uri]
+            self._context.master.call("registerService", (self.name, *arguments), _ignore, _ignore)
+
+    def close(self, done: Callable[[], object]) -> None:
+        """Unregisters everything from the master, closes all connections, then calls ``done``."""
+        self._is_closing = True
+        for source in self._subscribed.values():
+            source.close()
+        # The master may execute calls in another order than they were made.
+        self._unregister = partial(self._unregister_all, done)
+        self._unregister_when_answered()
+
+    def _unregister_when_answered(self) -> None:
+        if not self._in_flight and self._unregister is not None:
+            unregister, self._unregister = self._unregister, None
+            unregister()
+
+    def _unregister_all(self, done: Callable[[], object]) -> None:
+        calls = [("unregisterPublisher", topic, self.uri) for topic in self._published]
+        calls += [("unregisterSubscriber", topic, self.uri) for topic in self._subscribed.keys() | self._left]
+        calls += [("unregisterService", service, self._service_uri) for service in self._services]
+        calls += [("unsubscribeParam", self.uri, parameter) for parameter in self._watched]
+        missing = len(calls)
+
+        def close_port() -> None:
+            self._port.close()
+            done()
+
+        def answered(_: object) -> None:
+            nonlocal missing
+            missing -= 1
+            if not missing:
+                close_port()
+
+        if not calls:
+            close_port()
+
+        for method, *arguments in calls:
+            self._context.master.call(method, (self.name, *arguments), answered, answered)
+
+    def _asked_to_end(self, reason: str) -> str:
+        # Deferred, so that the response is sent first.
+        self._context.reactor.call_later(0.0, lambda: self._shut_down(reason or "asked to end"))
+        return ""
+
+    def _register(self, method: str, *arguments: str, done: Callable[[Any], object] = lambda _: None) -> None:
+        """Registers at the master, retrying until it answers, like rospy. If it refuses, the node shuts down."""
+
+        def ask() -> None:
+            if not self._is_closing:
+                self._in_flight += 1
+                self._context.master.call(method, (self.name, *arguments), answered, failed)
+
+        def failed(reason: str) -> None:
+            self._in_flight -= 1
+            self._unregister_when_answered()
+            if self._is_closing:
+                return
+            if not isinstance(reason, NoAnswer):
+                self._shut_down(f"{method} of {' '.join(arguments[:2])} failed: {reason}")
+                return
+            if not self._is_unheard:
+                self._context.logger.warning("%s: the master does not answer and is asked again: %s", self.name, reason)
+            self._is_unheard = True
+            self._context.reactor.call_later(ASK_AGAIN, ask)
+
+        def answered(value: Any) -> None:
+            self._in_flight -= 1
+            self._unregister_when_answered()
+            if self._is_closing:
+                return
+            self._is_unheard = False
+            done(value)
+            self._answered(1)
+
+        self._unanswered += 1
+        ask()
+
+    def _answered(self, count: int) -> None:
+        self._unanswered -= count
+        if not self._unanswered:
+            waiting, self._registered = self._registered, []
+            for done in waiting:
+                done()
