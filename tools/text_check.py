@@ -8,7 +8,7 @@ files and CHANGELOG.md with ``VERSION``.
 import os
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -90,7 +90,7 @@ def other_versions(root: Path) -> list[str]:
     ]
 
 
-CHECKS = {
+CHECKS: dict[str, Callable[[], Iterable[str]]] = {
     "wording": lambda: stumbles(path for path in project_files() if path != LIST),
     "links": lambda: broken_links(ROOT, [str(path.relative_to(ROOT)) for path in project_files(".md")]),
     "version": lambda: other_versions(ROOT),
