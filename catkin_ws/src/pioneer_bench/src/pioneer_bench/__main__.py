@@ -15,6 +15,7 @@ BENCHES = {
     "learning": "the learning environment: agent-steps a CPU-second, by number of robots",
     "lockstep": "fleets in lockstep: real-time factor, CPU, and equal results, by number of robots",
     "web": "the fleet page: CPU of its server and bytes to a page, by the number of pages",
+    "compare": "two reports of one bench: ratios with the machine's speed taken out, and what is worse",
     "traffic": "right of way: fleets on random tours in narrow and shipped worlds, without ROS",
 }
 """Modules of this package with a description of each bench."""
@@ -34,13 +35,18 @@ def main() -> int:
         if name in sys.argv[1:2]:  # does not import what only the other benches need
             bench = importlib.import_module(f"pioneer_bench.{name}")
             bench.add_arguments(one)
-            one.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR",
-                help="where the figures go (default: %(default)s)")  # fmt: skip
-            one.set_defaults(run=bench.run)
+            if name != "compare":
+                one.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR",
+                    help="where the figures go (default: %(default)s)")  # fmt: skip
+            one.set_defaults(run=bench.run, measures=name != "compare")
     options = parser.parse_args()
     for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
         signal.signal(number, signal.default_int_handler)
     try:
+        if options.measures:
+            from pioneer_bench import report
+
+            report.begin()
         return options.run(options)
     except KeyboardInterrupt:
         print("\ninterrupted")

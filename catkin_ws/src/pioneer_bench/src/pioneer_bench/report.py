@@ -9,16 +9,32 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from pioneer_bench import speed
 from pioneer_bench.core.row import Row, table
 
 LOAD = os.getloadavg()[0]
 """Load average of this machine before the run."""
 
 
+_speed_before: list[speed.Speed] = []
+"""The machine's speed before the bench; empty until ``begin``."""
+
+
+def begin() -> None:
+    """Measures the machine's speed, before a bench."""
+    _speed_before[:] = [speed.measured()]
+
+
 def write(folder: Path, name: str, title: str, text: str, values: object) -> None:
-    """Prints ``text``, writes it to ``name``.md in ``folder``, and writes ``values`` to ``name``.json."""
+    """Prints ``text``, writes it to ``name``.md in ``folder``, and writes ``values`` to ``name``.json.
+
+    If ``begin`` was called, the JSON has the machine's speed before and after the bench, for ``bench compare``.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{name}.md").write_text(f"# {title}\n\n{text}\n")
+    if _speed_before and isinstance(values, dict):
+        machine = {"before": _speed_before[0].as_dict(), "after": speed.measured().as_dict()}
+        values = {"machine": machine, **values}
     (folder / f"{name}.json").write_text(json.dumps(values, indent=2) + "\n")
     print(f"\n{text}\n\nwritten: {folder / name}.md and .json")
 
