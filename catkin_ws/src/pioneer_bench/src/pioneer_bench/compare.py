@@ -20,9 +20,10 @@ def run(options: argparse.Namespace) -> int:
     """Prints the ratios; returns 0 if nothing is worse by more than the noise, 1 if something is, 2 for bad input."""
     names = (str(options.old), str(options.new))
     try:
-        reports = [_report(path) for path in (options.old, options.new)]
-        found = changes(*reports, names)
-        speeds = [machine_of(report, name) for report, name in zip(reports, names, strict=True)]
+        old = _report(options.old)
+        new = _report(options.new)
+        found = changes(old, new, names)
+        speeds = [machine_of(old, names[0]), machine_of(new, names[1])]
     except ReportError as error:
         print(f"compare: {error}", file=sys.stderr)
         return 2
