@@ -56,6 +56,12 @@ def status_from_message(message: Any) -> str:
     return message.status_list[-1].text if message.status_list else ""
 
 
+def trouble_from_state(message: Any) -> str:
+    """Returns why a robot does not get on, from a ``nav_bundle/NavigationState``; empty if it does, or has no goal."""
+    troubled = (message.RECOVERING, message.BLOCKED, message.WAITING, message.LOST, message.HELD, message.FAILED)
+    return message.text if message.state in troubled else ""
+
+
 def twist_from_goal(goal: Pose) -> Twist:
     """Returns a waypoint in the format of ``map_goal``: position in ``map`` [m], heading in degrees."""
     twist = Twist()

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from nav_bundle.msg import NavigationState
 
+from pioneer_demo.conversions import trouble_from_state
 from pioneer_demo.core.fleet import Fleet, faults, stuck_report, time_limit
 from pioneer_demo.core.scenario import Success
 from pioneer_demo.core.track import RobotTrack
@@ -71,6 +73,9 @@ def test_the_state_says_what_a_robot_waits_for(fleet):
     assert state_word(robot) == "waiting for client"
     report(robot)
     assert state_word(robot) == "driving"
+    robot.trouble = "blocked: the way is blocked near (7.2, 6.8)"
+    assert state_word(robot) == "blocked: the way is blocked near (7.2, 6.8)"
+    robot.trouble = ""
     robot.add_queue(Queue(ClientState.RESTING, 1, 0, 0, ""))
     assert state_word(robot) == "resting"
     report(robot, reached=1)
@@ -89,3 +94,18 @@ def test_a_scenario_may_ask_for_more_or_less_than_a_demo(fleet):
     assert "it took 40.0 s, above 30 s" in told
     assert "two robots came within 0.50 m, below 0.6 m" in told
     assert "pioneer1: localisation error of nan m (95th percentile), above 0.1 m" in told
+
+
+@pytest.mark.parametrize(
+    ("state", "shown"),
+    [
+        (NavigationState.IDLE, False),
+        (NavigationState.DRIVING, False),
+        (NavigationState.RECOVERING, True),
+        (NavigationState.BLOCKED, True),
+        (NavigationState.FAILED, True),
+    ],
+)
+def test_a_robot_that_does_not_get_on_is_shown_with_move_base_s_reason(state: int, shown: bool) -> None:
+    message = NavigationState(state=state, text="the reason")
+    assert trouble_from_state(message) == ("the reason" if shown else "")

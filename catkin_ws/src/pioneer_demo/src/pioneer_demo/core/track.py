@@ -48,6 +48,7 @@ class RobotTrack:
         self.errors: list[float] = []
         self.plan: Points = []
         self.status = ""
+        self.trouble = ""  #: why the robot does not get on, in move_base's words; empty if it does, or has no goal
         self._moved_to: tuple[float, float] | None = None
         self._stamp = self._picked = -math.inf
         self._correction: Pose | None = None

@@ -90,13 +90,15 @@ def robot_line(robot: RobotTrack) -> str:
 
 
 def state_word(robot: RobotTrack) -> str:
-    """Returns a robot's state in one to three words."""
+    """Returns a robot's state: one to three words, or move_base's reason if the robot does not get on."""
     if robot.finished:
         return "done" if robot.reached == len(robot.visits) else f"gave up {len(robot.visits) - robot.reached}"
     if robot.pose is None:
         return "not spawned"
     if not robot.localised:
         return "waiting for amcl"
+    if robot.trouble:
+        return robot.trouble
     return _WORDS[robot.queue.state] if robot.queue else "waiting for client"
 
 

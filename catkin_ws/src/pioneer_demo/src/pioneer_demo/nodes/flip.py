@@ -13,7 +13,7 @@ from pioneer_demo.core.error import FlipError
 
 _SERVICE = "/gateway/flip"
 _RETRY = 0.2
-STATE = ("map_goal_client/queue",)
+STATE = ("map_goal_client/queue", "move_base/state")
 """Topics of each robot that every fleet flips, in addition to /tf."""
 COURSE = (*STATE, "move_base/NavfnROS/plan", "move_base/status")
 """Topics that a demo flips, for its picture and for reports about stuck robots."""

@@ -10,6 +10,7 @@ from actionlib_msgs.msg import GoalStatusArray
 from diagnostic_msgs.msg import DiagnosticArray
 from gateway_msgs.msg import GatewayInfo, RemoteRule, RemoteRuleWithStatus
 from geometry_msgs.msg import TransformStamped, Twist
+from nav_bundle.msg import NavigationState
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rosgraph_msgs.msg import Clock
 from rospy.numpy_msg import numpy_msg
@@ -43,8 +44,8 @@ class ObserverNode:
 
     Subscribes:
         /clock, /gazebo/ready, /gazebo/real_time_factor, /tf, /gateway/gateway_info, /diagnostics, once /map;
-        in each robot's namespace base_pose_ground_truth, collisions, map_goal_client/queue, move_base/status,
-        move_base/NavfnROS/plan (the last three through the gateway), and for a video base_scan.
+        in each robot's namespace base_pose_ground_truth, collisions, map_goal_client/queue, move_base/state,
+        move_base/status, move_base/NavfnROS/plan (the last four through the gateway), and for a video base_scan.
 
     Publishes:
         <robot>/map_goal (geometry_msgs/Twist) for each robot, forwarded to the robot's master by the gateway.
@@ -100,6 +101,7 @@ class ObserverNode:
             "base_pose_ground_truth": (Odometry, self._on_truth),
             "collisions": (UInt32, self._on_collisions),
             "map_goal_client/queue": (WaypointQueue, self._on_queue),
+            "move_base/state": (NavigationState, self._on_navigation),
             "move_base/status": (GoalStatusArray, self._on_status),
             "move_base/NavfnROS/plan": (Path, self._on_plan),
         }
@@ -175,6 +177,9 @@ class ObserverNode:
 
     def _on_queue(self, robot: RobotTrack, message: WaypointQueue) -> None:
         robot.add_queue(queue_from_message(message))
+
+    def _on_navigation(self, robot: RobotTrack, message: NavigationState) -> None:
+        robot.trouble = conversions.trouble_from_state(message)
 
     def _on_status(self, robot: RobotTrack, message: GoalStatusArray) -> None:
         robot.status = conversions.status_from_message(message)
