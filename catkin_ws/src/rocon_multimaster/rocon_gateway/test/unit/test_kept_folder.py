@@ -2,6 +2,7 @@
 
 import json
 import logging
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,9 @@ def test_files_go_from_one_computers_folder_to_anothers(tmp_path: Path) -> None:
     assert first.text() == ""
     (tmp_path / "a" / "correction.json").write_text("{}\n")
     (tmp_path / "a" / ".correction.json.77").write_text("half")
-    assert second.restore(first.text()) == first.text()
+    stored = first.text()
+    assert stored
+    assert second.restore(stored) == stored
     assert [one.name for one in (tmp_path / "b").iterdir()] == ["correction.json"]
     assert (tmp_path / "b" / "correction.json").read_text() == "{}\n"
 
@@ -44,5 +47,43 @@ def test_too_much_is_not_kept_and_logged_once(tmp_path: Path, caplog: pytest.Log
     folder = KeptFolder(tmp_path, LOGGER)
     (tmp_path / "large").write_text("x" * LARGEST)
     with caplog.at_level(logging.WARNING, "rosout"):
-        assert [folder.text(), folder.text()] == ["", ""]
+        assert [folder.text(), folder.text()] == [None, None]
     assert caplog.text.count("not kept by the hub: more than") == 1
+
+
+def _make_not_utf8(folder: Path) -> None:
+    (folder / "own").write_bytes(b"\xff\xfe")
+
+
+def _make_sub_folder(folder: Path) -> None:
+    (folder / "own").mkdir()
+
+
+def _make_large(folder: Path) -> None:
+    (folder / "own").write_text("x" * LARGEST)
+
+
+@pytest.mark.parametrize("spoil", [_make_not_utf8, _make_sub_folder, _make_large])
+def test_a_folder_that_cannot_be_kept_is_not_overwritten_with_the_hubs_old_copy(
+    tmp_path: Path, spoil: Callable[[Path], None]
+) -> None:
+    folder = KeptFolder(tmp_path, LOGGER)
+    (tmp_path / "waypoints").write_text("new")
+    spoil(tmp_path)
+    old = json.dumps({"waypoints": "old", "own": "old"})
+    assert folder.restore(old) == old  # the hub's copy stays too
+    assert folder.text() is None
+    assert (tmp_path / "waypoints").read_text() == "new"
+    assert not (tmp_path / "own").is_file() or (tmp_path / "own").read_bytes() != b"old"
+
+
+def test_the_hubs_copy_stays_while_it_cannot_be_written(tmp_path: Path) -> None:
+    folder = KeptFolder(tmp_path, LOGGER)
+    (tmp_path / ".second").mkdir()  # where the second file would be written
+    kept = json.dumps({"first": "1", "second": "2"})
+    assert folder.restore(kept) == kept
+    assert [one.name for one in tmp_path.iterdir()] == [".second"]
+    assert folder.text() is None
+    (tmp_path / ".second").rmdir()
+    assert folder.restore(kept) == kept
+    assert (tmp_path / "second").read_text() == "2"

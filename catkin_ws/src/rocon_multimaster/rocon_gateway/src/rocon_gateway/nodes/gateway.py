@@ -224,8 +224,8 @@ class GatewayNode:
                 diagnose = now + DIAGNOSTIC_PERIOD
                 if self._keyring:
                     self._keyring.refresh()
-                if self._kept:
-                    self._hubs.keep(self._kept.text())
+                if self._kept and (kept := self._kept.text()) is not None:
+                    self._hubs.keep(kept)
                 for topic in self._own:
                     topic.turn()
                 if self._diagnostics.has_subscribers:
