@@ -12,7 +12,7 @@ import time
 import xmlrpc.client
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import pytest
 from rosgraph_msgs.msg import Clock, Log
@@ -42,11 +42,11 @@ def master() -> Iterator[Master]:
 class Host:
     """A process that hosts nodes."""
 
-    def __init__(self, master: Master, folder: Path, words: tuple[str, ...]) -> None:
+    def __init__(self, master: Master, output: IO[str], words: tuple[str, ...]) -> None:
         environment = master.environment
         environment["PYTHONPATH"] = f"{HOSTED}:{environment.get('PYTHONPATH', '')}"
         environment["ROS_NAMESPACE"] = "robot"
-        self.output = (folder / "output").open("w+")
+        self.output = output
         self.process = subprocess.Popen([*COMMAND, *words], env=environment, stdout=self.output, stderr=self.output)
         self.client = Client(master.uri, "/tester")
 
@@ -69,8 +69,8 @@ def host(master: Master, tmp_path: Path) -> Iterator[Callable[..., Host]]:
     """Yields a function that starts a process with nodes; kills these processes at the end."""
     started: list[Host] = []
 
-    def start(*words: str) -> Host:
-        started.append(Host(master, tmp_path, words))
+    def start(*words: str, output: IO[str] | None = None) -> Host:
+        started.append(Host(master, output or (tmp_path / "output").open("w+"), words))
         return started[-1]
 
     yield start
@@ -237,6 +237,34 @@ def test_a_malformed_message_and_a_failing_callback_cost_themselves_only(host: C
     assert {one.name for _, one in peer.heard if isinstance(one, Log)} == {"/robot/one"}
     before = len(peer.texts("/robot/one"))
     wait_until(lambda: echoed() and len(peer.texts("/robot/one")) > before, "an echo after it", START)
+
+
+def full_disk() -> IO[str]:
+    return Path("/dev/full").open("w")
+
+
+def pipe_without_reader() -> IO[str]:
+    reader, writer = os.pipe()
+    os.close(reader)
+    return os.fdopen(writer, "w")
+
+
+@pytest.mark.parametrize("output", [full_disk, pipe_without_reader])
+def test_lines_that_cannot_be_written_end_no_process(
+    host: Callable[..., Host], peer: Peer, output: Callable[[], IO[str]]
+) -> None:
+    one = host("one=hosted", output=output())
+    one.await_node("/robot/one")
+    peer.hear("/robot/one/said", String)
+    say = peer.publisher("/robot/words", String)
+
+    def echoed() -> bool:
+        say(word("fail"))
+        say(word("after"))
+        return any(text.startswith("after ") for text in peer.texts("/robot/one"))
+
+    wait_until(echoed, "an echo after a failure", START)
+    assert one.process.poll() is None
 
 
 def test_a_node_that_is_asked_to_end_leaves_the_others_and_the_last_ends_the_process(host: Callable[..., Host]) -> None:

@@ -1,5 +1,6 @@
 """An epoll event loop: one thread serves all sockets and timers of a relay."""
 
+import contextlib
 import heapq
 import itertools
 import logging
@@ -17,6 +18,9 @@ from tcpros.pipe import Pipe
 
 BUFFER_SIZE = 256 * 1024
 """Size of the single receive buffer [bytes]: small enough to stay in the CPU cache."""
+
+_LINE_MAY_FAIL = contextlib.suppress(Exception)
+"""For log lines of the loop: one that cannot be written, as on a full disk, must not end it."""
 
 
 class Handler(Protocol):
@@ -128,8 +132,9 @@ class Reactor:
                     try:
                         handler.ready(events)
                     except Exception:
-                        self._logger.critical("internal error; one connection is closed", exc_info=True)
-                        handler.close("internal fault")
+                        with _LINE_MAY_FAIL:
+                            self._logger.critical("internal error; one connection is closed", exc_info=True)
+                        self._guard(lambda h=handler: h.close("internal fault"))  # type: ignore[misc]
             self._run_timers()
             self._run_calls()
             if rest := self._moderation.rest(time.monotonic(), self.moved):
@@ -160,4 +165,5 @@ class Reactor:
         try:
             callback()
         except Exception:
-            self._logger.critical("internal error in a callback", exc_info=True)
+            with _LINE_MAY_FAIL:
+                self._logger.critical("internal error in a callback", exc_info=True)

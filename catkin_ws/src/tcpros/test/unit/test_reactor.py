@@ -1,7 +1,12 @@
 """The event loop."""
 
+import logging
+import os
+import select
 import subprocess
 import sys
+
+from tcpros.reactor import Reactor
 
 PROGRAM = """
 import logging, os, signal, threading, time
@@ -25,3 +30,45 @@ reactor.run()
 def test_a_signal_that_comes_to_another_thread_is_seen_at_once() -> None:
     """Python runs the signal handler in the main thread, which was once still waiting for an event."""
     subprocess.run([sys.executable, "-c", PROGRAM], timeout=20.0, check=True)
+
+
+class FullDisk(logging.Handler):
+    def emit(self, record: logging.LogRecord) -> None:
+        raise OSError(28, "No space left on device")
+
+
+class Failing:
+    """A handler whose every method fails."""
+
+    def __init__(self, reactor: Reactor, descriptor: int) -> None:
+        self.reactor = reactor
+        self.descriptor = descriptor
+
+    def ready(self, events: int) -> None:
+        raise RuntimeError("as asked")
+
+    def close(self, reason: str) -> None:
+        self.reactor.remove(self.descriptor)
+        raise RuntimeError("as asked again")
+
+
+def fail() -> None:
+    raise RuntimeError("as asked")
+
+
+def test_failures_that_cannot_be_logged_do_not_end_the_loop() -> None:
+    logger = logging.Logger("full")
+    logger.addHandler(FullDisk())
+    reactor = Reactor(logger)
+    reader, writer = os.pipe()
+    os.write(writer, b"x")
+    reactor.add(reader, Failing(reactor, reader), select.EPOLLIN)
+    reactor.call_later(0.0, fail)
+    reactor.call(fail)
+    done = list[str]()
+    reactor.call_later(0.01, lambda: done.append("later"))
+    reactor.call_later(0.02, reactor.stop)
+    reactor.run()
+    assert done == ["later"]
+    os.close(reader)
+    os.close(writer)

@@ -1,5 +1,6 @@
 """A process that hosts nodes without rospy: startup, logging and shutdown."""
 
+import contextlib
 import http.client
 import logging
 import logging.handlers
@@ -229,8 +230,10 @@ class _Terminal(logging.Handler):
         for name, text in fields.items():
             line = line.replace(f"${{{name}}}", text)
         stream = sys.stdout if record.levelno < logging.WARNING else sys.stderr
-        stream.write(f"{line}\n")
-        stream.flush()
+        # A full disk or a pipe without reader costs the line, not the process. It still goes to /rosout and the file.
+        with contextlib.suppress(OSError, ValueError):
+            stream.write(f"{line}\n")
+            stream.flush()
 
 
 class _Topic(logging.Handler):
