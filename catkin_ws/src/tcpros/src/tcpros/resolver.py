@@ -1,16 +1,24 @@
-"""Non-blocking host name resolution: look-ups run in one separate thread, started on first use."""
+"""Non-blocking host name resolution: look-ups run in separate threads."""
 
-import queue
 import socket
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 
 from tcpros.error import TcprosError
 from tcpros.reactor import Reactor
 
 LIFETIME = 30.0
-"""How long a result is cached [s]."""
+"""How long an address is cached [s]."""
+
+FAILURE_LIFETIME = 2.0
+"""How long it is remembered that a name does not resolve [s]."""
+
+MAX_THREADS = 16
+"""Maximum number of look-ups at a time; further names wait."""
 
 Found = Callable[[str], None]
 Failed = Callable[[str], None]
@@ -20,58 +28,91 @@ class DialError(TcprosError):
     """No socket is available for an outgoing connection: too many are open in this process or on this machine."""
 
 
+@dataclass(frozen=True)
+class Answer:
+    """The result of a look-up."""
+
+    until: float = 0.0  #: when it expires; monotonic [s]
+    address: str = ""  #: the numeric address
+    reason: str = ""  #: why the name does not resolve; empty on success
+
+
 class Resolver:
-    """Resolves host names to IPv4 addresses. Methods and callbacks run in the reactor's thread."""
+    """Resolves host names to IPv4 addresses. Methods and callbacks run in the reactor's thread.
+
+    Each name is looked up in a thread of its own, so that one that does not resolve delays no other.
+    """
 
     def __init__(self, reactor: Reactor) -> None:
         self._reactor = reactor
-        self._known: dict[str, tuple[float, str]] = {}
-        self._questions: queue.SimpleQueue[tuple[str, Found, Failed]] = queue.SimpleQueue()
-        self._thread: threading.Thread | None = None
+        self._answers: dict[str, Answer] = {}
+        self._questions: dict[str, list[tuple[Found, Failed]]] = {}
+        self._waiting: deque[str] = deque()  # names without a thread yet
+        self._threads = 0
 
     def resolve(self, host: str, found: Found, failed: Failed) -> None:
         """Calls `found` with a numeric address, immediately if it is known, or `failed` with the reason.
 
-        If `found` raises DialError, `failed` is called too. That call is deferred, so that an immediate retry does not
-        recurse.
+        If `found` raises DialError, `failed` is called too. Calls of `failed` are deferred, so that an immediate retry
+        does not recurse.
         """
-        address = self._at_once(host)
-        if address:
-            self._give(address, found, failed)
+        if host in self._questions:
+            self._questions[host].append((found, failed))
             return
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._run, name="relay-resolver", daemon=True)
-            self._thread.start()
-        self._questions.put((host, found, failed))
+        answer = self._at_once(host)
+        if answer is not None:
+            self._give(answer, found, failed)
+            return
+        self._questions[host] = [(found, failed)]
+        self._waiting.append(host)
+        self._start_next()
 
-    def _at_once(self, host: str) -> str:
+    def _at_once(self, host: str) -> Answer | None:
         if host == "localhost":
-            return "127.0.0.1"
+            return Answer(address="127.0.0.1")
         try:
             socket.inet_aton(host)
-        except OSError:
-            until, address = self._known.get(host, (0.0, ""))
-            return address if time.monotonic() < until else ""
-        return host
+        except (OSError, ValueError):  # ValueError: a null character
+            answer = self._answers.get(host)
+            return answer if answer and time.monotonic() < answer.until else None
+        return Answer(address=host)
 
-    def _run(self) -> None:
-        while True:
-            host, found, failed = self._questions.get()
+    def _start_next(self) -> None:
+        while self._waiting and self._threads < MAX_THREADS:
+            host = self._waiting.popleft()
+            self._threads += 1
+            thread = threading.Thread(target=self._look_up, args=(host,), name="relay-resolver", daemon=True)
             try:
-                answers = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)
-                address = str(answers[0][4][0])
-                self._reactor.call(lambda h=host, a=address, f=found, e=failed: self._remember(h, a, f, e))
-            except (OSError, UnicodeError) as error:
-                reason = f"the name {host} cannot be resolved: {getattr(error, 'strerror', None) or error}"
-                self._reactor.call(lambda f=failed, r=reason: f(r))
+                thread.start()
+            except RuntimeError as error:  # no more threads on this machine
+                answer = Answer(reason=f"the name {host} cannot be resolved: {error}")
+                self._reactor.call(partial(self._take, host, answer))
 
-    def _remember(self, host: str, address: str, found: Found, failed: Failed) -> None:
-        self._known[host] = (time.monotonic() + LIFETIME, address)
-        self._give(address, found, failed)
-
-    def _give(self, address: str, found: Found, failed: Failed) -> None:
+    def _look_up(self, host: str) -> None:
+        """Runs in the name's thread."""
         try:
-            found(address)
-        except DialError as error:
-            reason = str(error)
-            self._reactor.call(lambda: failed(reason))
+            answers = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)
+            answer = Answer(time.monotonic() + LIFETIME, address=str(answers[0][4][0]))
+        except (OSError, ValueError) as error:
+            reason = f"the name {host} cannot be resolved: {getattr(error, 'strerror', None) or error}"
+            answer = Answer(time.monotonic() + FAILURE_LIFETIME, reason=reason)
+        self._reactor.call(partial(self._take, host, answer))
+
+    def _take(self, host: str, answer: Answer) -> None:
+        self._threads -= 1
+        now = time.monotonic()
+        self._answers = {name: known for name, known in self._answers.items() if now < known.until}
+        self._answers[host] = answer
+        for found, failed in self._questions.pop(host):
+            self._reactor.call(partial(self._give, answer, found, failed))
+        self._start_next()
+
+    def _give(self, answer: Answer, found: Found, failed: Failed) -> None:
+        reason = answer.reason
+        if not reason:
+            try:
+                found(answer.address)
+            except DialError as error:
+                reason = str(error)
+        if reason:
+            self._reactor.call(partial(failed, reason))

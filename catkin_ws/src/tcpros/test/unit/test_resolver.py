@@ -1,0 +1,110 @@
+"""Host names are looked up without delaying each other."""
+
+import logging
+import socket
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from tcpros.reactor import Reactor
+from tcpros.resolver import Resolver
+
+PATIENCE = 20.0
+
+
+@pytest.fixture
+def reactor() -> Iterator[Reactor]:
+    made = Reactor(logging.getLogger("resolver"))
+    made.start()
+    yield made
+    made.call(made.stop)
+    made.join(PATIENCE)
+
+
+class Names:
+    """Stands in for the system's look-up: names that start with `dead` fail, but only once `silence` ends."""
+
+    def __init__(self) -> None:
+        self.silence = threading.Event()
+        self.asked = Counter[str]()
+
+    def look_up(self, host: str, *_: Any) -> list[Any]:
+        self.asked[host] += 1
+        if host.startswith("dead"):
+            self.silence.wait(PATIENCE)
+            raise socket.gaierror(-3, "Temporary failure in name resolution")
+        return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", ("10.0.0.7", 0))]
+
+
+@pytest.fixture
+def names(monkeypatch: pytest.MonkeyPatch) -> Iterator[Names]:
+    made = Names()
+    monkeypatch.setattr(socket, "getaddrinfo", made.look_up)
+    yield made
+    made.silence.set()
+
+
+class Answers:
+    """The answers to a number of questions."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        self.texts: list[str] = []
+        self.complete = threading.Event()
+
+    def take(self, text: str) -> None:
+        self.texts.append(text)
+        if len(self.texts) == self.number:
+            self.complete.set()
+
+
+@pytest.fixture
+def ask(reactor: Reactor) -> Callable[..., Answers]:
+    resolver = Resolver(reactor)
+
+    def ask(*hosts: str) -> Answers:
+        answers = Answers(len(hosts))
+        for host in hosts:
+            reactor.call(lambda h=host: resolver.resolve(h, answers.take, answers.take))  # type: ignore[misc]
+        return answers
+
+    return ask
+
+
+def test_names_that_do_not_resolve_delay_no_other(ask: Callable[..., Answers], names: Names) -> None:
+    dead = ask(*(f"dead{number}" for number in range(15)))
+    alive = ask("alive")
+    assert alive.complete.wait(PATIENCE)
+    assert alive.texts == ["10.0.0.7"]
+    assert not dead.texts
+    names.silence.set()
+    assert dead.complete.wait(PATIENCE)
+
+
+def test_more_names_than_threads_are_all_answered(ask: Callable[..., Answers], names: Names) -> None:
+    dead = ask(*(f"dead{number}" for number in range(50)))
+    alive = ask("alive")
+    names.silence.set()
+    assert dead.complete.wait(PATIENCE)
+    assert alive.complete.wait(PATIENCE)
+
+
+def test_equal_questions_are_one_look_up_and_its_failure_is_remembered(
+    ask: Callable[..., Answers], names: Names
+) -> None:
+    first = ask(*["dead"] * 10)
+    names.silence.set()
+    assert first.complete.wait(PATIENCE)
+    again = ask("dead")
+    assert again.complete.wait(PATIENCE)
+    assert names.asked["dead"] == 1
+    assert set(first.texts + again.texts) == {"the name dead cannot be resolved: Temporary failure in name resolution"}
+
+
+def test_malformed_names_are_answered_too(ask: Callable[..., Answers]) -> None:
+    answers = ask("hub..lan", "x" * 300, "nul\0", "\udcff", "127.0.0.1")
+    assert answers.complete.wait(PATIENCE)
+    assert sum("cannot be resolved" in text for text in answers.texts) == 4
