@@ -33,7 +33,7 @@ def address_of(host: str) -> str:
     """Returns the first address of a host; empty if its name does not resolve."""
     try:
         return str(socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)[0][4][0])
-    except OSError:
+    except (OSError, ValueError):  # ValueError: a part that is empty or too long, as in `hub..lan`
         return ""
 
 

@@ -1,5 +1,6 @@
 """Answers the doctor's requests: examines this gateway's links in a separate thread and replies through the hub."""
 
+import logging
 import threading
 
 import redis
@@ -10,6 +11,8 @@ from rocon_hub_protocol.key import examined_key
 
 MAX_WAITING = 16
 """Maximum number of requests waiting for an examination; further ones are not answered."""
+
+_LOGGER = logging.getLogger("rosout")
 
 
 class Examiner:
@@ -38,12 +41,16 @@ class Examiner:
         # Imported on first use.
         from rocon_gateway.adapters.examination import examination
 
+        seen = ""
         try:
             seen = text_from_examination(examination(session, session.name))
         except (redis.RedisError, OSError):
-            seen = ""  # the hub is lost, and the request with it
-        with self._lock:
-            requests = self._waiting.pop(session)
+            pass  # the hub is lost, and the request with it
+        except Exception:  # top level of this thread: any exception here is a bug
+            _LOGGER.critical("internal error in an examination; it is not answered", exc_info=True)
+        finally:
+            with self._lock:
+                requests = self._waiting.pop(session)
         if seen:
             _answer(session, requests, seen)
 

@@ -82,6 +82,7 @@ class HubClient:
         self._session: HubSession | None = None
         self._keep = self._kept = ""
         self._told_lost = False
+        self._fault = ""  #: the last unexpected exception, which is logged once
         self._nameless: set[Candidate] = set()
         self._stopping = False
         self._pipe = threading.Lock()
@@ -127,7 +128,7 @@ class HubClient:
 
     def _run(self) -> None:
         while not self._stopping:
-            verdicts = [self._visit(way) for way in self.ways]
+            verdicts = [self._try(way) for way in self.ways]
             self.refused = all(verdicts)
             self.failures += 1
             if self.refused and not self.named:
@@ -148,6 +149,17 @@ class HubClient:
         with contextlib.suppress(BlockingIOError):
             os.read(self._wake_reader, 4096)
 
+    def _try(self, way: Candidate) -> bool:
+        """Visits the hub at this address; an unexpected exception costs only this visit. Returns as `_visit`."""
+        try:
+            return self._visit(way)
+        except Exception as error:  # top level of this thread: any exception here is a bug
+            if repr(error) != self._fault:
+                self._fault = repr(error)
+                text = "internal error with the hub at %s; reconnecting"
+                self._context.logger.critical(text, way.address, exc_info=True)
+            return False
+
     def _visit(self, way: Candidate) -> bool:
         """Connects to the hub at this address and stays on it as long as possible; returns whether it was refused."""
         if self._stopping:
@@ -164,6 +176,10 @@ class HubClient:
             if session:
                 session.close()
             return code in _REFUSALS
+        except Exception:
+            if session:
+                session.close()
+            raise
         try:
             self._stay(session)
         except (HubError, redis.RedisError, OSError) as error:

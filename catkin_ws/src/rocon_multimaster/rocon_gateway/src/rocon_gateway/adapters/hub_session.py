@@ -86,7 +86,7 @@ class HubSession:
         try:
             self.hub_name = self._introduce()
             # Identifies the server process: a hub with several addresses must be joined only once.
-            self.identity = str(self.client.info("server")["run_id"])
+            self.identity = self._identity()
             self.events = self.client.pubsub()
             channels = (GATEWAYS_KEY, requests_key(name), EXAMINE_KEY)
             self.events.subscribe(*channels)
@@ -95,6 +95,9 @@ class HubSession:
                 self.events.get_message(timeout=TIMEOUT)
         except (redis.exceptions.AuthenticationError, redis.exceptions.ResponseError) as error:
             raise HubError(Code.HUB_CONNECTION_FAILED, f"the hub at {address} {_refusal(error)}") from None
+        except UnicodeError as error:  # a name with an empty or too long part
+            text = f"no hub at {address}: the name is invalid: {error}"
+            raise HubError(Code.HUB_CONNECTION_UNRESOLVABLE, text) from None
         except (redis.RedisError, OSError) as error:
             raise unreachable(self.address, access, error) from None
 
@@ -107,6 +110,13 @@ class HubSession:
             raise HubError(Code.HUB_CONNECTION_FAILED, text)
         self.salt = salt or ""
         return name
+
+    def _identity(self) -> str:
+        identity = self.client.info("server").get("run_id")
+        if not identity:
+            text = f"the server at {self.address} is not a hub: its INFO has no run_id"
+            raise HubError(Code.HUB_CONNECTION_FAILED, text)
+        return str(identity)
 
     @property
     def holder(self) -> str | None:

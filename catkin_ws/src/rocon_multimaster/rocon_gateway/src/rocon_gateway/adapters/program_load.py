@@ -52,7 +52,7 @@ class ProgramLoad:
         with contextlib.suppress(OSError):
             for line in (self._root / name / "environ").read_bytes().split(b"\0"):
                 if line.startswith(_MASTER):
-                    return urlsplit(line[len(_MASTER) :].decode(errors="replace")).port == self._port
+                    return _port(line[len(_MASTER) :].decode(errors="replace")) == self._port
         return False
 
     def _processor_time(self, name: str) -> float:
@@ -65,3 +65,10 @@ class ProgramLoad:
             if line.startswith("Pss:"):
                 return 1024 * int(line.split()[1])
         return 0
+
+
+def _port(uri: str) -> int | None:
+    try:
+        return urlsplit(uri).port
+    except ValueError:  # any process may have an invalid URI in its environment
+        return None

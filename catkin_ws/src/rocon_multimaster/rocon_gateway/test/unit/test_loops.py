@@ -1,0 +1,120 @@
+"""Loops and threads of the gateway keep running after what hubs, names and other programs do."""
+
+import logging
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rocon_gateway.adapters import examination, hub_client, hub_session
+from rocon_gateway.adapters.examiner import Examiner
+from rocon_gateway.adapters.hub_client import HubClient, HubContext
+from rocon_gateway.adapters.hub_session import HubSession
+from rocon_gateway.adapters.program_load import ProgramLoad
+from rocon_gateway.core.examination import Examination
+from rocon_gateway.core.hub_state import Publication
+from rocon_gateway.core.presence import Candidate
+from rocon_hub_protocol.address import HubAddress
+from rocon_hub_protocol.code import Code, HubError
+from rocon_hub_protocol.record import PROTOCOL, Record
+from rocon_hub_protocol.redis_client import OPEN
+
+PATIENCE = 20.0
+RECORD = Record("robot", "instance", "127.0.0.1", 1)
+
+
+@pytest.mark.parametrize("host", ["hub..lan", "x" * 64 + ".lan"])
+def test_an_invalid_host_name_is_a_hub_that_cannot_be_reached(host: str) -> None:
+    with pytest.raises(HubError) as caught:
+        HubSession(HubAddress(host, 6380), OPEN, "robot", "instance")
+    assert caught.value.code == Code.HUB_CONNECTION_UNRESOLVABLE
+    assert examination.address_of(host) == ""
+
+
+class NoRunId:
+    """A client of a server that is like a hub, but has no id in its INFO."""
+
+    def mget(self, *_keys: str) -> list[str]:
+        return ["Pioneer Hub", str(PROTOCOL), ""]
+
+    def info(self, _section: str) -> dict[str, Any]:
+        return {"redis_version": "7.0.0"}
+
+
+def test_a_server_without_run_id_is_refused_as_a_hub(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hub_session, "redis_client", lambda *_: NoRunId())
+    with pytest.raises(HubError, match="run_id") as caught:
+        HubSession(HubAddress("127.0.0.1", 6380), OPEN, "robot", "instance")
+    assert caught.value.code == Code.HUB_CONNECTION_FAILED
+
+
+def test_a_hubs_thread_survives_unexpected_exceptions(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(hub_client, "RETRY", 0.001)
+    errors = [UnicodeError("label empty"), KeyError("run_id"), KeyError("run_id"), RuntimeError("as asked")]
+    answered = threading.Event()
+
+    def open_session(_way: Candidate) -> HubSession:
+        if errors:
+            raise errors.pop(0)
+        answered.set()
+        raise HubError(Code.HUB_CONNECTION_UNRESOLVABLE, "no hub")
+
+    context = HubContext(
+        open=open_session,
+        claim=lambda _hub, _session: None,
+        linked=lambda: (),
+        take=lambda _hub, _view: None,
+        complain=lambda _about, _why: None,
+        examine=lambda _session, _request: None,
+        logger=logging.getLogger("loops"),
+    )
+    hub = HubClient([Candidate(HubAddress("127.0.0.1", 1))], True, Publication(RECORD, {}, frozenset()), context)
+    assert answered.wait(PATIENCE)
+    hub.stop()
+    hub.join()
+    assert caplog.text.count("internal error with the hub at") == 3
+
+
+class Session:
+    """A session that keeps what is published."""
+
+    name = "robot"
+
+    def __init__(self) -> None:
+        self.client = self
+        self.published = threading.Event()
+
+    def publish(self, _key: str, _text: str) -> None:
+        self.published.set()
+
+
+def test_an_examination_that_fails_does_not_silence_the_doctor(monkeypatch: pytest.MonkeyPatch) -> None:
+    failed = threading.Event()
+
+    def fail(*_: Any) -> Examination:
+        failed.set()
+        raise RuntimeError("as asked")
+
+    session: Any = Session()
+    examiner = Examiner()
+    monkeypatch.setattr(examination, "examination", fail)
+    examiner.asked(session, "0" * 32)
+    assert failed.wait(PATIENCE)
+    for thread in threading.enumerate():
+        if thread.name == "examination":
+            thread.join(PATIENCE)
+    found = Examination("robot", 0.0, "host", "", "", False, "")
+    monkeypatch.setattr(examination, "examination", lambda *_: found)
+    examiner.asked(session, "1" * 32)
+    assert session.published.wait(PATIENCE)
+
+
+@pytest.mark.parametrize("uri", ["http://host:port", "http://host:99999", "http://[::1", "", "\xff"])
+def test_an_invalid_master_uri_of_any_process_is_another_master(tmp_path: Path, uri: str) -> None:
+    (tmp_path / "7").mkdir()
+    (tmp_path / "7" / "environ").write_bytes(b"ROS_MASTER_URI=" + uri.encode() + b"\0")
+    load = ProgramLoad("http://127.0.0.1:11311", tmp_path).look(1.0)
+    assert load.memory == 0
