@@ -48,15 +48,15 @@ class Announcement:
         logging.getLogger("zeroconf").setLevel(logging.ERROR)
         reachable = [address for address in addresses if not address.startswith("127.")] or [LOOPBACK]
         instance = f"{instance_name(self._name, socket.gethostname(), self._port)}.{SERVICE}"
-        service = zeroconf.ServiceInfo(
-            SERVICE,
-            instance,
-            server=instance,  # required by Debian 13's zeroconf
-            port=self._port,
-            parsed_addresses=reachable,
-            properties={"name": self._name, "stack": network_stack(), **({"tls": "1"} if self._tls else {})},
-        )
         try:
+            service = zeroconf.ServiceInfo(
+                SERVICE,
+                instance,
+                server=instance,  # required by Debian 13's zeroconf
+                port=self._port,
+                parsed_addresses=reachable,
+                properties={"name": self._name, "stack": network_stack(), **({"tls": "1"} if self._tls else {})},
+            )
             self._zeroconf = zeroconf.Zeroconf(addresses, ip_version=zeroconf.IPVersion.V4Only)
             # Not register_service: it rejects rocon's service type, which is longer than RFC 6763 allows.
             self._zeroconf.update_service(service)

@@ -1,5 +1,6 @@
 """A hub discovered by mDNS, and the addresses under which it can be reached."""
 
+import hashlib
 from collections.abc import Collection
 from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Interface
@@ -13,6 +14,9 @@ LOOPBACK = "127.0.0.1"
 
 LABEL_LENGTH = 63
 """Maximum length of a DNS instance name [bytes]."""
+
+HOST_LENGTH = 40
+"""Maximum length of the host's name in it [bytes]; at least 14 bytes remain for the hub's."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -59,7 +63,14 @@ class Sighting:
 
 
 def instance_name(hub: str, host: str, port: int) -> str:
-    """Returns an instance name unique on the network, such as `Pioneer Hub (base:6380)`."""
-    place = f" ({host}:{port})".replace(".", "-")
+    """Returns an instance name unique on the network, such as `Pioneer Hub (base:6380)`, of at most `LABEL_LENGTH`.
+
+    A long host name is cut, and a digest of it keeps the instance name unique.
+    """
+    host_bytes = host.encode(errors="replace")
+    if len(host_bytes) > HOST_LENGTH:
+        digest = hashlib.blake2s(host_bytes, digest_size=4).hexdigest()
+        host = f"{host_bytes[: HOST_LENGTH - 9].decode(errors='ignore')}-{digest}"
+    place = f" ({host}:{port})".replace(".", "-").encode(errors="replace").decode()
     room = LABEL_LENGTH - len(place.encode())
-    return hub.replace(".", " ").encode()[: max(room, 1)].decode(errors="ignore") + place
+    return hub.replace(".", " ").encode()[:room].decode(errors="ignore") + place

@@ -48,3 +48,12 @@ def test_instance_names_differ_by_machine_and_port_and_fit_into_a_label(hub: str
     assert len(names) == 3
     assert all(len(name.encode()) <= LABEL_LENGTH and "." not in name for name in names)
     assert instance_name("Pioneer Hub", "base.lab", 6380) == "Pioneer Hub (base-lab:6380)"
+
+
+def test_the_longest_host_names_give_different_instance_names_that_fit_into_a_label() -> None:
+    for length in range(1, 256):
+        names = {
+            instance_name("Pioneer Hub", "h" * length + end, 65535) for end in ("", "a", "b", ".lan", "ü", "\udcff")
+        }
+        assert len(names) == 6
+        assert all(len(name.encode()) <= LABEL_LENGTH and name.startswith("Pioneer Hub") for name in names)
