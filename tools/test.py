@@ -89,7 +89,9 @@ def unit() -> Iterator[Check]:
         name = f"{folder.parent.parent.name}/unit"
         for path in sorted(folder.glob("*/test_*.py")):
             yield pytest_check(f"{name}/{path.stem.removeprefix('test_')}", [path])
-        yield pytest_check(name, sorted(folder.glob("test_*.py")))
+        tests = sorted(folder.glob("test_*.py"))
+        if tests:  # a folder may be left of a package that moved, with nothing but bytecode
+            yield pytest_check(name, tests)
     yield pytest_check("tools/unit", _unit_tests_of_tools())
 
 
