@@ -24,7 +24,9 @@ def changed_files(root: Path, base: str) -> list[Path]:
 
 def _git(root: Path, *words: str) -> str:
     try:
-        done = subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            ["git", "-C", str(root), *words], capture_output=True, text=True, check=False
+        )
     except FileNotFoundError:
         raise ChangeError("git is not installed: apt install git") from None
     if done.returncode:
@@ -46,7 +48,9 @@ def modules_below(roots: Iterable[Path]) -> dict[str, Path]:
     return found
 
 
-def affected(tests: Iterable[Path], changed: Iterable[Path], modules: Mapping[str, Path]) -> list[Path]:
+def affected(
+    tests: Iterable[Path], changed: Iterable[Path], modules: Mapping[str, Path]
+) -> list[Path]:
     """Returns those of the test files that changed, or that import a changed module directly or through others."""
     changes = set(changed)
     imported = _Imports(modules)

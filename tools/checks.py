@@ -76,14 +76,18 @@ class Running:
         self._group = ProcessGroup()
         environment = {**os.environ, **check.environment}
         try:
-            self.pid = self._group.start(check.name, check.command, environment, check.log, may_end=True, folder=ROOT)
+            self.pid = self._group.start(
+                check.name, check.command, environment, check.log, may_end=True, folder=ROOT
+            )
         except ProcessStartError as error:
             self._log(str(error))
 
     def ended(self, patience: float) -> bool:
         """Waits up to ``patience`` seconds for the end; returns whether the check has ended or its time-out is over."""
         with self._group.changed:
-            if self._group.changed.wait_for(lambda: not self._group.is_running(self.check.name), patience):
+            if self._group.changed.wait_for(
+                lambda: not self._group.is_running(self.check.name), patience
+            ):
                 return True
         if self.check.shown:
             self._show()
@@ -161,7 +165,9 @@ def _reap(checks: set[int]) -> None:
     The checks' process groups make this process the parent of all orphans. The groups themselves wait for the checks.
     """
     try:
-        while (ended := os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)) and ended.si_pid not in checks:
+        while (
+            ended := os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+        ) and ended.si_pid not in checks:
             os.waitpid(ended.si_pid, 0)
     except ChildProcessError:
         return
@@ -189,7 +195,9 @@ def cases_of(check: Check) -> Iterator[TestCase]:
         for case in root.iter("testcase"):
             skipped = case.find("skipped")
             reason = None if skipped is None else skipped.get("message") or "no reason given"
-            yield TestCase(check.name, case.get("name", "?"), float(case.get("time") or 0.0), reason)
+            yield TestCase(
+                check.name, case.get("name", "?"), float(case.get("time") or 0.0), reason
+            )
 
 
 def counted(check: Check, status: int) -> Count:
@@ -201,11 +209,16 @@ def counted(check: Check, status: int) -> Count:
     for path in check.results.rglob("*.xml") if check.results else ():
         try:
             suites = list(ElementTree.parse(path).getroot().iter("testsuite"))
-        except ElementTree.ParseError:  # rostest writes a test's output unescaped, including control characters
+        except (
+            ElementTree.ParseError
+        ):  # rostest writes a test's output unescaped, including control characters
             total.failed += 1
             continue
         for suite in suites:
-            tests, skipped = int(suite.get("tests", 0)), int(suite.get("skipped", suite.get("skip", 0)) or 0)
+            tests, skipped = (
+                int(suite.get("tests", 0)),
+                int(suite.get("skipped", suite.get("skip", 0)) or 0),
+            )
             failed = int(suite.get("failures", 0)) + int(suite.get("errors", 0))
             total.add(Count(tests - failed - skipped, failed, skipped))
     if not check.results and not status:

@@ -30,8 +30,12 @@ def main(words: Sequence[str]) -> int:
     text = "Shows the fleets that run on this machine, as processes or as containers: a line a robot or computer."
     status = commands.add("status", _status, text, "status --json")
     status.add_argument("--json", action="store_true", help="as JSON, for programs")
-    commands.add("rviz", _rviz, "Opens RViz on the fleet that runs on this machine as processes.", "rviz")
-    text = "Drives a robot by keyboard; the fleet runs on this machine, as processes or as containers."
+    commands.add(
+        "rviz", _rviz, "Opens RViz on the fleet that runs on this machine as processes.", "rviz"
+    )
+    text = (
+        "Drives a robot by keyboard; the fleet runs on this machine, as processes or as containers."
+    )
     teleop = commands.add("teleop", _teleop, text, "teleop pioneer1")
     teleop.add_argument("robot", help="its name, such as pioneer1")
     return commands.run(words)
@@ -45,14 +49,23 @@ def _status(options: argparse.Namespace) -> int:
         asked = [(one, ("--settled", "--timeout", "4")) for one in computers if one.running]
         follow(asked, lambda computer, line: latest.__setitem__(computer.name, line))
     if not fleets and not computers:
-        raise ContainerError("no fleet runs: ./pioneer fleet starts one as processes, ./pioneer up as containers")
+        raise ContainerError(
+            "no fleet runs: ./pioneer fleet starts one as processes, ./pioneer up as containers"
+        )
     if options.json:
         for one in computers:
             if one.node:
                 latest.setdefault(one.name, {"lacks": one.problem or one.state})["node"] = one.node
         print(json.dumps({"fleets": fleets, "computers": latest}))
     else:
-        print("\n\n".join([*map(fleet_table, fleets), *([status_table(computers, latest)] if computers else [])]))
+        print(
+            "\n\n".join(
+                [
+                    *map(fleet_table, fleets),
+                    *([status_table(computers, latest)] if computers else []),
+                ]
+            )
+        )
     are_well = all(fleet["age"] <= STALE and not fleet["faults"] for fleet in fleets)
     return 0 if are_well and all(one.running for one in computers) else 1
 
@@ -70,14 +83,20 @@ def fleet_table(fleet: Fleet) -> str:
     age = fleet["age"]
     old = []
     if age > STALE:
-        old.append(f"these figures are {age:.0f} s old: pid {fleet['pid']} does not write new ones (kill -9 ends it)")
+        old.append(
+            f"these figures are {age:.0f} s old: pid {fleet['pid']} does not write new ones (kill -9 ends it)"
+        )
     rows = [_row(robot, age) for robot in fleet["robots"]]
-    return printable("\n".join([", ".join(facts), *old, aligned([HEADINGS, *rows]), *fleet["faults"]]))
+    return printable(
+        "\n".join([", ".join(facts), *old, aligned([HEADINGS, *rows]), *fleet["faults"]])
+    )
 
 
 def printable(text: str) -> str:
     """Returns ``text`` with escapes in place of characters that control a terminal, but for line feeds."""
-    return "".join(char if char.isprintable() or char == "\n" else repr(char)[1:-1] for char in text)
+    return "".join(
+        char if char.isprintable() or char == "\n" else repr(char)[1:-1] for char in text
+    )
 
 
 def _row(robot: Mapping[str, Any], age: float) -> tuple[str, ...]:
@@ -88,7 +107,9 @@ def _row(robot: Mapping[str, Any], age: float) -> tuple[str, ...]:
         robot["robot"],
         robot["state"],
         f"{'drives' if robot['moving'] else 'stands'} {robot['speed']:.2f} m/s",
-        "none" if robot["odom_age"] is None else f"{robot['odom_age'] + (age if age > STALE else 0.0):.2f} s",
+        "none"
+        if robot["odom_age"] is None
+        else f"{robot['odom_age'] + (age if age > STALE else 0.0):.2f} s",
         "-" if pose is None else f"({pose[0]:.2f}, {pose[1]:.2f})",
         "-" if error is None else f"{error:.2f} m",
         f"{robot['reached']}/{robot['received']}{lost}",
@@ -99,12 +120,22 @@ def _row(robot: Mapping[str, Any], age: float) -> tuple[str, ...]:
 def _rviz(options: argparse.Namespace) -> NoReturn:
     fleets = running_fleets()
     if not fleets and _has_containers(options.project):
-        raise ContainerError("the fleet runs in containers: ./pioneer up --desktop has its RViz in the browser")
+        raise ContainerError(
+            "the fleet runs in containers: ./pioneer up --desktop has its RViz in the browser"
+        )
     master = _newest(fleets)["master"]
     if not os.environ.get("DISPLAY"):
         snapshot = f"ROS_MASTER_URI={master} ./pioneer run rosrun pioneer_description rviz_snapshot -o rviz.png"
-        raise ContainerError(f"RViz needs a display, and DISPLAY is not set; for a picture: {snapshot}")
-    launch = ["roslaunch", "--no-summary", "pioneer_description", "multi_pioneer_rviz.launch", "description:=false"]
+        raise ContainerError(
+            f"RViz needs a display, and DISPLAY is not set; for a picture: {snapshot}"
+        )
+    launch = [
+        "roslaunch",
+        "--no-summary",
+        "pioneer_description",
+        "multi_pioneer_rviz.launch",
+        "description:=false",
+    ]
     _become(master, launch)
 
 
@@ -117,7 +148,9 @@ def _teleop(options: argparse.Namespace) -> int:
         return execute_on(options)
     masters = {robot["robot"]: robot["master"] for robot in _newest(fleets)["robots"]}
     if options.robot not in masters:
-        raise ContainerError(f"no robot '{options.robot}' in the fleet; there are {', '.join(masters)}")
+        raise ContainerError(
+            f"no robot '{options.robot}' in the fleet; there are {', '.join(masters)}"
+        )
     return _become(masters[options.robot], command)
 
 
@@ -142,7 +175,9 @@ def _has_containers(project: str) -> bool:
     if stack(project).file.is_file():
         return True
     question = ["docker", "ps", "-aq", "--filter", f"label=com.docker.compose.project={project}"]
-    return bool(subprocess.run(question, capture_output=True, text=True, check=False).stdout.strip())
+    return bool(
+        subprocess.run(question, capture_output=True, text=True, check=False).stdout.strip()
+    )
 
 
 if __name__ == "__main__":

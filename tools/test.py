@@ -50,7 +50,11 @@ CONTAINERS_ENDING_SECONDS = 60.0
 
 def python_roots() -> list[Path]:
     """Returns the ``src`` folders that hold the packages' Python sources."""
-    return sorted(path for package in SOURCE.rglob("package.xml") if (path := package.with_name("src")).is_dir())
+    return sorted(
+        path
+        for package in SOURCE.rglob("package.xml")
+        if (path := package.with_name("src")).is_dir()
+    )
 
 
 def lint() -> Iterator[Check]:
@@ -58,7 +62,11 @@ def lint() -> Iterator[Check]:
     yield Check("ruff check", [str(VENV / "ruff"), "check", "--no-cache", str(ROOT)])
     yield Check("ruff format", [str(VENV / "ruff"), "format", "--no-cache", "--check", str(ROOT)])
     paths = os.pathsep.join(map(str, python_roots()))
-    yield Check("import-linter", [str(VENV / "lint-imports"), "--no-cache"], environment={"PYTHONPATH": paths})
+    yield Check(
+        "import-linter",
+        [str(VENV / "lint-imports"), "--no-cache"],
+        environment={"PYTHONPATH": paths},
+    )
     yield Check("catkin_lint", ["catkin_lint", "--offline", "-W1", "--strict", str(SOURCE)])
     for name in CHECKS:
         yield Check(name, [sys.executable, str(ROOT / "tools" / "text_check.py"), name])
@@ -66,7 +74,12 @@ def lint() -> Iterator[Check]:
 
 def types() -> Iterator[Check]:
     """Yields the check of type annotations in packages and tools."""
-    sources = [str(path) for root in python_roots() for path in sorted(root.glob("*/")) if path.name != "__pycache__"]
+    sources = [
+        str(path)
+        for root in python_roots()
+        for path in sorted(root.glob("*/"))
+        if path.name != "__pycache__"
+    ]
     tools = [*map(str, sorted((ROOT / "tools").glob("*.py"))), str(ROOT / "tools" / "containers")]
     paths = os.pathsep.join(map(str, [*python_roots(), ROOT / "tools"]))
     command = ["mypy", "--cache-dir", str(ROOT / ".setup" / "mypy"), *sources, *tools]
@@ -76,7 +89,14 @@ def types() -> Iterator[Check]:
 def pytest_check(name: str, paths: list[Path], timeout: float = 900.0) -> Check:
     """Returns the check that runs pytest over ``paths``."""
     results = LOG / f"{name.replace('/', '-')}-results"
-    command = [sys.executable, "-m", "pytest", f"--junitxml={results / 'pytest.xml'}", "-o", "junit_family=xunit1"]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        f"--junitxml={results / 'pytest.xml'}",
+        "-o",
+        "junit_family=xunit1",
+    ]
     return Check(name, [*command, "--durations=5", *map(str, paths)], results, timeout=timeout)
 
 
@@ -128,11 +148,17 @@ def launch() -> Iterator[Check]:
 
 def rostests() -> Iterator[Check]:
     """Yields each ``.test`` file, on its own master; the longest comes first, so as not to run alone at the end."""
-    for path in sorted(SOURCE.rglob("test/rostest/*.test"), key=lambda path: (path.stem != LONGEST, path)):
+    for path in sorted(
+        SOURCE.rglob("test/rostest/*.test"), key=lambda path: (path.stem != LONGEST, path)
+    ):
         package = next(parent for parent in path.parents if (parent / "package.xml").exists())
         name = f"{package.name}/{path.stem}"
         results = LOG / "rostest-results" / name.replace("/", "-")
-        home = {"ROS_TEST_RESULTS_DIR": str(results), "ROS_IP": "127.0.0.1", "ROS_HOME": str(LOG / "ros_home")}
+        home = {
+            "ROS_TEST_RESULTS_DIR": str(results),
+            "ROS_IP": "127.0.0.1",
+            "ROS_HOME": str(LOG / "ros_home"),
+        }
         yield Check(name, ["rostest", package.name, path.name], results, home, timeout=300.0)
 
 
@@ -148,7 +174,10 @@ def end_to_end() -> Iterator[Check]:
 
     Files that check times visible to users come last, one after the other.
     """
-    files = [(package, path, "pytest.mark.alone" in path.read_text()) for package, path in end_to_end_files(soak=False)]
+    files = [
+        (package, path, "pytest.mark.alone" in path.read_text())
+        for package, path in end_to_end_files(soak=False)
+    ]
     for package, path, alone in sorted(files, key=lambda file: file[2]):
         check = pytest_check(f"{package}/{path.stem.removeprefix('test_')}", [path], timeout=1200.0)
         yield replace(check, alone=alone)
@@ -156,9 +185,14 @@ def end_to_end() -> Iterator[Check]:
 
 def long(name: str, minutes: float, seed: int) -> Iterator[Check]:
     """Yields long tests: a fault every 20 s for ``minutes``, or hostile input to a fleet for ``minutes``."""
-    variables = {f"PIONEER_{name.upper()}_MINUTES": str(minutes), f"PIONEER_{name.upper()}_SEED": str(seed)}
+    variables = {
+        f"PIONEER_{name.upper()}_MINUTES": str(minutes),
+        f"PIONEER_{name.upper()}_SEED": str(seed),
+    }
     for package, path in end_to_end_files(soak=name == "soak"):
-        check = pytest_check(f"{package}/{path.stem.removeprefix('test_')}", [path], timeout=60 * minutes + 1800)
+        check = pytest_check(
+            f"{package}/{path.stem.removeprefix('test_')}", [path], timeout=60 * minutes + 1800
+        )
         if name in ("soak", path.stem.removeprefix("test_")):
             command = [*check.command, "-s", *(["-m", "soak"] if name == "soak" else [])]
             yield replace(check, command=command, environment=variables, shown=True)
@@ -172,7 +206,9 @@ def containers() -> Iterator[Check]:
     """Yields the tests of the tutorial's computers as containers."""
     folder = ROOT / "tools" / "test" / "containers"
     # Images come first, so that their faults are reported as such.
-    yield Check("containers-images", [str(ROOT / "pioneer"), "image", "--desktop", "--web"], timeout=1500.0)
+    yield Check(
+        "containers-images", [str(ROOT / "pioneer"), "image", "--desktop", "--web"], timeout=1500.0
+    )
     # Tests in a subfolder share one fleet; a file beside the subfolders has its own containers.
     for path in sorted([*folder.glob("*/"), *folder.glob("test_*.py")]):
         if path.name not in ("__pycache__", SWARM):
@@ -241,7 +277,10 @@ def run_stage(name: str, checks: Sequence[Check], at_once: int) -> Count:
         if count.failed:
             failures.append((check, count))
     show_progress("")
-    print(f"{name:10} {'FAILED' if failures else 'ok':6}  {total}  ({time.monotonic() - started:.0f} s)", flush=True)
+    print(
+        f"{name:10} {'FAILED' if failures else 'ok':6}  {total}  ({time.monotonic() - started:.0f} s)",
+        flush=True,
+    )
     for check, count in failures:
         print(f"  {check.name}: {count.failed} failed; log: {check.log.relative_to(ROOT)}")
         print(f"  again: ./pioneer test {name} --only '{check.name}'")
@@ -301,17 +340,25 @@ def arguments_from(words: Sequence[str] | None) -> argparse.Namespace:
         f"{CHANGED}: only ruff and the unit tests that uncommitted changes may affect")  # fmt: skip
     parser.add_argument("--since", default="HEAD", metavar="COMMIT",
         help=f"with {CHANGED}: compare with this commit (%(default)s)")  # fmt: skip
-    parser.add_argument("--only", default="", metavar="TEXT", help="only the checks whose name contains TEXT")
+    parser.add_argument(
+        "--only", default="", metavar="TEXT", help="only the checks whose name contains TEXT"
+    )
     parser.add_argument("--jobs", type=int, default=min(int(processors()) + 1, MOST_AT_ONCE), metavar="N",
         help="checks side by side (default here: %(default)s)")  # fmt: skip
     alone = parser.add_mutually_exclusive_group()
-    alone.add_argument("--quick", action="store_true", help=f"only {', '.join(QUICK)}: before every commit")
+    alone.add_argument(
+        "--quick", action="store_true", help=f"only {', '.join(QUICK)}: before every commit"
+    )
     for name, what in LONG.items():
-        alone.add_argument(f"--{name}", dest="long", action="store_const", const=name, help=f"only {what}")
+        alone.add_argument(
+            f"--{name}", dest="long", action="store_const", const=name, help=f"only {what}"
+        )
     alone.add_argument(f"--{SWARM}", action="store_true", help="with the stage containers: only the faults of machines "
         "in a Docker Swarm, which takes long; as root")  # fmt: skip
     parser.add_argument("--minutes", type=float, metavar="N", help="of --soak (180) or --fuzz (30)")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of --soak or --fuzz (%(default)s)")
+    parser.add_argument(
+        "--seed", type=int, default=1, metavar="N", help="of --soak or --fuzz (%(default)s)"
+    )
     arguments = parser.parse_args(words)
     if arguments.stages == [CHANGED]:
         STAGES[CHANGED] = Stage(lambda: affected_by_change(arguments.since))
@@ -320,10 +367,14 @@ def arguments_from(words: Sequence[str] | None) -> argparse.Namespace:
         parser.error(f"no stage {', '.join(sorted(unknown))}; there are {', '.join(STAGES)}")
     name = arguments.long
     if name and arguments.stages:
-        parser.error(f"--{name} runs only what takes long: it takes no stage, not {', '.join(arguments.stages)}")
+        parser.error(
+            f"--{name} runs only what takes long: it takes no stage, not {', '.join(arguments.stages)}"
+        )
     if arguments.quick:
         if arguments.stages:
-            parser.error(f"--quick chooses the stages itself: it takes none, not {', '.join(arguments.stages)}")
+            parser.error(
+                f"--quick chooses the stages itself: it takes none, not {', '.join(arguments.stages)}"
+            )
         arguments.stages = list(QUICK)
     if arguments.swarm:
         if arguments.stages != ["containers"]:
@@ -367,7 +418,9 @@ def main(words: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("\ninterrupted")
         return 130
-    for line in summary(case for checks in stages.values() for check in checks for case in cases_of(check)):
+    for line in summary(
+        case for checks in stages.values() for check in checks for case in cases_of(check)
+    ):
         print(line)
     print(total)
     return 1 if total.failed or not (total.passed or total.skipped) else 0

@@ -26,13 +26,17 @@ def project_files(suffix: str = "") -> Iterator[Path]:
         prefix = f"{folder}/".removeprefix(f"{ROOT}/")
         folders[:] = [name for name in folders if not _ignored(f"{prefix}{name}/", patterns)]
         yield from (
-            Path(folder, name) for name in files if name.endswith(suffix) and not _ignored(f"{prefix}{name}", patterns)
+            Path(folder, name)
+            for name in files
+            if name.endswith(suffix) and not _ignored(f"{prefix}{name}", patterns)
         )
 
 
 def _ignored(path: str, patterns: Iterable[str]) -> bool:
     name = path.rstrip("/").rpartition("/")[2] + "/" * path.endswith("/")
-    return any(fnmatch(f"/{path}" if pattern.startswith("/") else name, pattern) for pattern in patterns)
+    return any(
+        fnmatch(f"/{path}" if pattern.startswith("/") else name, pattern) for pattern in patterns
+    )
 
 
 def stumbles(paths: Iterable[Path]) -> Iterator[str]:
@@ -58,7 +62,9 @@ def broken_links(root: Path, names: list[str]) -> Iterator[str]:
                 continue
             path, _, anchor = target.partition("#")
             file = ((root / name).parent / path) if path else root / name
-            if not file.exists() or (anchor and file.suffix == ".md" and anchor not in anchors(file.read_text())):
+            if not file.exists() or (
+                anchor and file.suffix == ".md" and anchor not in anchors(file.read_text())
+            ):
                 yield f"{name}: {target}"
 
 
@@ -77,7 +83,12 @@ def other_versions(root: Path) -> list[str]:
     """Returns one line for each file under ``root`` with a version other than that in its ``VERSION``."""
     version = (root / "VERSION").read_text().strip()
     found = [
-        (path, match.group(1) if (match := re.search(r"<version>(.*)</version>", path.read_text())) else "none")
+        (
+            path,
+            match.group(1)
+            if (match := re.search(r"<version>(.*)</version>", path.read_text()))
+            else "none",
+        )
         for path in sorted((root / "catkin_ws" / "src").rglob("package.xml"))
     ]
     changelog = root / "CHANGELOG.md"
@@ -92,7 +103,9 @@ def other_versions(root: Path) -> list[str]:
 
 CHECKS: dict[str, Callable[[], Iterable[str]]] = {
     "wording": lambda: stumbles(path for path in project_files() if path != LIST),
-    "links": lambda: broken_links(ROOT, [str(path.relative_to(ROOT)) for path in project_files(".md")]),
+    "links": lambda: broken_links(
+        ROOT, [str(path.relative_to(ROOT)) for path in project_files(".md")]
+    ),
     "version": lambda: other_versions(ROOT),
 }
 """The checks by name, each with a function that returns the lines to print."""

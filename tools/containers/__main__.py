@@ -23,13 +23,27 @@ def _commands() -> Subcommands:
     commands = Subcommands()
     text = "Starts the tutorial's computers as containers, after building the image; ends once all robots drive."
     _add_up(commands.add("up", up, text, "up --robots 3 --world closed_maze"))
-    commands.add("down", _down, "Ends the fleet of containers and removes its containers and network.", "down")
+    commands.add(
+        "down",
+        _down,
+        "Ends the fleet of containers and removes its containers and network.",
+        "down",
+    )
     logs = commands.add("logs", _logs, "Prints what the computers log.", "logs -f aadi1")
     logs.add_argument("-f", "--follow", action="store_true", help="continue until Ctrl-C")
-    logs.add_argument("computers", nargs="*", metavar="COMPUTER", help="such as aadi1; all by default")
-    execute = commands.add("exec", execute_on, "Runs a command on a computer of the fleet.", "exec aadi1 rostopic list")
+    logs.add_argument(
+        "computers", nargs="*", metavar="COMPUTER", help="such as aadi1; all by default"
+    )
+    execute = commands.add(
+        "exec", execute_on, "Runs a command on a computer of the fleet.", "exec aadi1 rostopic list"
+    )
     execute.add_argument("computer", metavar="COMPUTER", help="such as aadi1 or aadiworkstation")
-    execute.add_argument("command", nargs=argparse.REMAINDER, metavar="COMMAND", help="with arguments; bash by default")
+    execute.add_argument(
+        "command",
+        nargs=argparse.REMAINDER,
+        metavar="COMMAND",
+        help="with arguments; bash by default",
+    )
     text = "Builds the image that up starts, and starts nothing."
     image = commands.add("image", _image, text, "image --desktop")
     _add_extras(image, "the desktop's image too", "the fleet page's image too")
@@ -38,17 +52,45 @@ def _commands() -> Subcommands:
 
 def _add_up(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("--robots", type=int, help=f"robots, each on its computer, {limits()}; default: those there are, else {ROBOTS}")
-    add("--world", help=f"a world of pioneer_gazebo (default: that of the fleet there is, else {WORLD})")
-    add("--waypoints", type=int, default=3, help="send each robot that is started to so many places (default: 3)")
+    add(
+        "--robots",
+        type=int,
+        help=f"robots, each on its computer, {limits()}; default: those there are, else {ROBOTS}",
+    )
+    add(
+        "--world",
+        help=f"a world of pioneer_gazebo (default: that of the fleet there is, else {WORLD})",
+    )
+    add(
+        "--waypoints",
+        type=int,
+        default=3,
+        help="send each robot that is started to so many places (default: 3)",
+    )
     add("--rtf", type=_pace, metavar="R", help="real-time factor of the world (default: 1, or less where that is more "
         "than the processors sustain), or lockstep: time waits for every robot's nodes (docs/lockstep.md)")  # fmt: skip
-    add("--idle", action="store_true", help="start no steps, so that you can type them into ./pioneer exec")
-    _add_extras(parser, "with RViz of the fleet, in the browser", "with the fleet page, for this machine (docs/web.md)")
-    add("--swarm", action="store_true", help="on all machines of the Docker Swarm that this one manages")
+    add(
+        "--idle",
+        action="store_true",
+        help="start no steps, so that you can type them into ./pioneer exec",
+    )
+    _add_extras(
+        parser,
+        "with RViz of the fleet, in the browser",
+        "with the fleet page, for this machine (docs/web.md)",
+    )
+    add(
+        "--swarm",
+        action="store_true",
+        help="on all machines of the Docker Swarm that this one manages",
+    )
     add("--registry", default="", metavar="HOST:PORT", help="from which the swarm's machines pull the image (default: "
         "one that is started on this machine)")  # fmt: skip
-    add("--update", action="store_true", help="in a swarm: replace the robots' image, one at a time, while they drive")
+    add(
+        "--update",
+        action="store_true",
+        help="in a swarm: replace the robots' image, one at a time, while they drive",
+    )
 
 
 def _pace(text: str) -> float | str:
@@ -61,7 +103,9 @@ def _pace(text: str) -> float | str:
 
 def _add_extras(parser: argparse.ArgumentParser, desktop: str, web: str) -> None:
     for name, text in ((DESKTOP, desktop), (WEB, web)):
-        parser.add_argument(f"--{name}", action="append_const", const=name, dest="extras", default=[], help=text)
+        parser.add_argument(
+            f"--{name}", action="append_const", const=name, dest="extras", default=[], help=text
+        )
 
 
 def _down(options: argparse.Namespace) -> int:
@@ -70,7 +114,9 @@ def _down(options: argparse.Namespace) -> int:
 
 
 def _logs(options: argparse.Namespace) -> int:
-    fleet(options.project, COMPOSE_PROFILES=",".join(EXTRAS)).logs(options.follow, options.computers)
+    fleet(options.project, COMPOSE_PROFILES=",".join(EXTRAS)).logs(
+        options.follow, options.computers
+    )
     return 0
 
 
@@ -78,10 +124,14 @@ def execute_on(options: argparse.Namespace) -> int:
     """Runs ``options.command`` on ``options.computer``; returns its exit status."""
     computers = {one.name: one for one in fleet(options.project).computers() if one.running}
     if options.computer not in computers:
-        raise ContainerError(f"no computer {options.computer} runs; there are {', '.join(computers) or 'none'}")
+        raise ContainerError(
+            f"no computer {options.computer} runs; there are {', '.join(computers) or 'none'}"
+        )
     terminal = ["-it"] if sys.stdin.isatty() and sys.stdout.isatty() else ["-i"]
     found, command = computers[options.computer], options.command or ["bash"]
-    return subprocess.run([*found.docker, "exec", *terminal, found.container, *command], check=False).returncode
+    return subprocess.run(
+        [*found.docker, "exec", *terminal, found.container, *command], check=False
+    ).returncode
 
 
 def _image(options: argparse.Namespace) -> int:

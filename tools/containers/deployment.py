@@ -29,7 +29,9 @@ def is_on_swarm(options: Namespace) -> bool:
             raise ContainerError(f"--{option} is for a fleet on a swarm: up --swarm")
         return False
     for extra in options.extras:
-        raise ContainerError(f"--{extra} is for a fleet on one machine; on a swarm nothing is published")
+        raise ContainerError(
+            f"--{extra} is for a fleet on one machine; on a swarm nothing is published"
+        )
     if not there and project(options.project).computers():
         raise ContainerError(f"a fleet runs on this machine alone: {DOWN}")
     if options.update and not there:
@@ -84,8 +86,14 @@ class Deployment:
         return self.stack.computers()
 
     def _deploy(self, plan: FleetPlan, image: str) -> None:
-        base_on = f"node.labels.{BASE_LABEL}==base" if any(one.base for one in self._nodes) else "node.role==manager"
-        write_whole(self.stack.file, stack_text(SHIPPED.read_text(), plan.robots, base_on, plan.factor))
+        base_on = (
+            f"node.labels.{BASE_LABEL}==base"
+            if any(one.base for one in self._nodes)
+            else "node.role==manager"
+        )
+        write_whole(
+            self.stack.file, stack_text(SHIPPED.read_text(), plan.robots, base_on, plan.factor)
+        )
         self.stack.deploy(
             PIONEER_IMAGE=image,
             PIONEER_HUB_PASSWORD_FILE=str(secret("hub-password")),
@@ -104,12 +112,18 @@ class Deployment:
             seen.update({one.name: one for one in there})
             if len(seen) > plan.robots and all(one.running for one in seen.values()):
                 return True
-            why = _without_place(there) or _failing([one for one in failed if one.task not in rejected])
+            why = _without_place(there) or _failing(
+                [one for one in failed if one.task not in rejected]
+            )
             return why != ""
 
         timeout = RUNNING + RUNNING_PER_ROBOT * plan.robots
         if not awaited(settled, timeout):
-            late = [f"{one.name} ({one.problem or one.state})" for one in seen.values() if not one.running]
+            late = [
+                f"{one.name} ({one.problem or one.state})"
+                for one in seen.values()
+                if not one.running
+            ]
             why = f"not running after {timeout:g} s: {', '.join(late)}"
         if why:
             raise ContainerError(f"{why}; ./pioneer status, {DOWN}")
@@ -117,7 +131,9 @@ class Deployment:
 
 def _without_place(computers: Iterable[Computer]) -> str:
     """Returns a message about the computers that the swarm cannot place; empty if there are none."""
-    without = [one for one in computers if one.state == "pending" and "no suitable node" in one.problem]
+    without = [
+        one for one in computers if one.state == "pending" and "no suitable node" in one.problem
+    ]
     names = ", ".join(one.name for one in sorted(without, key=lambda one: one.number))
     return f"the swarm has no place for {names}: {without[0].problem}" if without else ""
 

@@ -119,7 +119,9 @@ class Project:
         environment = {"COMPOSE_HTTP_TIMEOUT": _PATIENCE, **os.environ, **self.variables}
         status = subprocess.run(command, env=environment, check=False).returncode
         if status:
-            raise ContainerError(f"compose {arguments[0]} failed with exit status {status}; the lines above say why")
+            raise ContainerError(
+                f"compose {arguments[0]} failed with exit status {status}; the lines above say why"
+            )
 
     def down(self) -> None:
         """Ends and removes the containers, the volumes of their logs, and the network."""
@@ -136,9 +138,14 @@ class Project:
 
     def computers(self) -> list[Computer]:
         """Returns the project's computers: the base station first, then robots by number; without desktop and web."""
-        ids = output("docker", "ps", "-aq", "--filter", f"label=com.docker.compose.project={self.name}").split()
+        ids = output(
+            "docker", "ps", "-aq", "--filter", f"label=com.docker.compose.project={self.name}"
+        ).split()
         facts = json.loads(output("docker", "inspect", *ids)) if ids else []
-        return sorted((one for one in map(_computer, facts) if one.name not in EXTRAS), key=lambda one: one.number)
+        return sorted(
+            (one for one in map(_computer, facts) if one.name not in EXTRAS),
+            key=lambda one: one.number,
+        )
 
 
 def _computer(fact: Mapping[str, Any]) -> Computer:

@@ -30,7 +30,9 @@ class FleetPlan:
     remark: str  #: one line if the factor is lower than expected, else empty
     idle: bool  #: whether the computers start no steps
     before: Mapping[str, Computer]  #: the fleet's existing computers, by name
-    base: Computer | None  #: the base station if it runs; then other running computers are left alone
+    base: (
+        Computer | None
+    )  #: the base station if it runs; then other running computers are left alone
 
     @property
     def factor(self) -> float:
@@ -70,7 +72,9 @@ def is_idle(computer: Computer) -> bool:
 def places_here() -> dict[str, int]:
     """Returns, for each world in the image, the number of start places for robots."""
     worlds = _STACK / "pioneer_gazebo" / "worlds"
-    found = places_by_world(_STACK / "pioneer_gazebo" / "map", _STACK / "pioneer_description" / "config")
+    found = places_by_world(
+        _STACK / "pioneer_gazebo" / "map", _STACK / "pioneer_description" / "config"
+    )
     return {name: count for name, count in found.items() if (worlds / f"{name}.world").is_file()}
 
 
@@ -82,7 +86,9 @@ def limits() -> str:
     return f"at most {most}" + (f" ({', '.join(less)})" if less else "")
 
 
-def make_fleet_plan(options: Namespace, computers: Sequence[Computer], processors: float) -> FleetPlan:
+def make_fleet_plan(
+    options: Namespace, computers: Sequence[Computer], processors: float
+) -> FleetPlan:
     """Returns the plan for the options of ``up`` and the existing computers.
 
     Raises:
@@ -91,7 +97,9 @@ def make_fleet_plan(options: Namespace, computers: Sequence[Computer], processor
     before = {one.name: one for one in computers}
     there = before.get(BASE)
     base = there if there and there.running else None
-    most = max([int(there.environment["ROBOTS"]) if there else 0, *(one.number for one in computers)])
+    most = max(
+        [int(there.environment["ROBOTS"]) if there else 0, *(one.number for one in computers)]
+    )
     robots = options.robots if options.robots is not None else most or ROBOTS
     world = options.world or (there.environment["WORLD"] if there else WORLD)
     _check_world(options, robots, world, base)
@@ -100,7 +108,15 @@ def make_fleet_plan(options: Namespace, computers: Sequence[Computer], processor
     if base:
         _check_steps(options, base, robots > most)
     pace, remark = choose_pace(options.rtf, robots, processors, base, robots > most)
-    return FleetPlan(robots, world, pace, remark, options.idle or (base is not None and is_idle(base)), before, base)
+    return FleetPlan(
+        robots,
+        world,
+        pace,
+        remark,
+        options.idle or (base is not None and is_idle(base)),
+        before,
+        base,
+    )
 
 
 def _check_world(options: Namespace, robots: int, world: str, base: Computer | None) -> None:
@@ -142,7 +158,9 @@ def choose_pace(
     return f"{factor:g}", remark
 
 
-def choose_factor(rtf: float | None, robots: int, processors: float, base: Computer | None) -> tuple[float, str]:
+def choose_factor(
+    rtf: float | None, robots: int, processors: float, base: Computer | None
+) -> tuple[float, str]:
     """Returns the world's real-time factor, taken from a running world, and a remark for the user.
 
     Raises:
@@ -158,5 +176,7 @@ def choose_factor(rtf: float | None, robots: int, processors: float, base: Compu
     if rtf is not None or held >= (1.0 if running is None else running):
         return factor, ""
     carry = f"{processors:g} processors sustain {robots} robots at a real-time factor of {held:g}"
-    rest = " (--rtf R sets another)" if running is None else f"; the world that runs has {running:g}"
+    rest = (
+        " (--rtf R sets another)" if running is None else f"; the world that runs has {running:g}"
+    )
     return factor, carry + rest

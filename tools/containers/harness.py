@@ -26,7 +26,12 @@ class Fleet:
     """A project managed by ``./pioneer``; its containers are always removed at the end."""
 
     def __init__(self, project: str, subnet: str, **variables: str) -> None:
-        self.environment = {**os.environ, "PIONEER_PROJECT": project, "PIONEER_SUBNET": subnet, **variables}
+        self.environment = {
+            **os.environ,
+            "PIONEER_PROJECT": project,
+            "PIONEER_SUBNET": subnet,
+            **variables,
+        }
         self.project = project
 
     def pioneer(self, *words: str) -> str:
@@ -48,7 +53,9 @@ class Fleet:
         found = []
         for name, one in self.computers().items():
             command = [*one.docker, "logs", "--tail", "40", one.container]
-            done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+            done = subprocess.run(
+                command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
+            )
             found.append(f"--- {name} ({one.state}, {one.health})\n{done.stdout}")
         return "\n".join(found)
 
@@ -66,7 +73,9 @@ class Fleet:
         """Runs a command in the background; yields a function that sends a line and returns the output up to `END`."""
         one = self.computers()[computer]
         words = [*one.docker, "exec", "-i", one.container, *command]
-        with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        with subprocess.Popen(
+            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as process:
             assert process.stdin
             assert process.stdout
             asking, answers = process.stdin, process.stdout
@@ -85,7 +94,10 @@ class Fleet:
     def memory(self, computer: str) -> float:
         """Returns the memory of a computer's processes [bytes], without the kernel's page cache."""
         pids = self.execute(computer, "sh", "-c", "cat /proc/[0-9]*/smaps_rollup 2>/dev/null; true")
-        return sum(int(line.split()[1]) for line in pids.splitlines() if line.startswith("Pss:")) * 1024.0
+        return (
+            sum(int(line.split()[1]) for line in pids.splitlines() if line.startswith("Pss:"))
+            * 1024.0
+        )
 
 
 def cpu_of(text: str) -> float:

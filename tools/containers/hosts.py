@@ -49,7 +49,19 @@ class Host:
         self._home.mkdir(exist_ok=True)
         _remove_link(self.link)
         output("ip", "netns", "add", self.link)
-        output("ip", "link", "add", self.link, "type", "veth", "peer", "name", "eth0", "netns", self.link)
+        output(
+            "ip",
+            "link",
+            "add",
+            self.link,
+            "type",
+            "veth",
+            "peer",
+            "name",
+            "eth0",
+            "netns",
+            self.link,
+        )
         output("ip", "link", "set", self.link, "master", BRIDGE, "up")
         inside = ("ip", "-n", self.link)
         output(*inside, "addr", "add", f"{self._address}/24", "dev", "eth0")
@@ -72,10 +84,14 @@ class Host:
         # Enters only its network namespace, so that it shares this machine's control groups.
         command = ["nsenter", f"--net=/run/netns/{self.link}", *apart, "bash", "-c"]
         script = _ENGINE.format(name=self.name, home=self._home)
-        self._process = subprocess.Popen([*command, script], stdin=subprocess.DEVNULL, start_new_session=True)
+        self._process = subprocess.Popen(
+            [*command, script], stdin=subprocess.DEVNULL, start_new_session=True
+        )
         if not awaited(lambda: _answers(socket), START):
             last = (self._home / "log").read_text().splitlines()[-1:]
-            raise ContainerError(f"the engine of {self.name} does not answer after {START:g} s: {''.join(last)}")
+            raise ContainerError(
+                f"the engine of {self.name} does not answer after {START:g} s: {''.join(last)}"
+            )
         contexts = output("docker", "context", "ls", "-q").split()
         if self.name not in contexts:
             output("docker", "context", "create", self.name, "--docker", f"host={socket}")
@@ -85,7 +101,9 @@ class Host:
         if _is_ready(self.name):
             return
         token = output("docker", "swarm", "join-token", "-q", "worker").strip()
-        output("docker", "--context", self.name, "swarm", "join", "--token", token, f"{MANAGER}:2377")
+        output(
+            "docker", "--context", self.name, "swarm", "join", "--token", token, f"{MANAGER}:2377"
+        )
         self.ready()
 
     def ready(self) -> None:
@@ -106,7 +124,9 @@ class Host:
 
 
 def _answers(socket: str) -> bool:
-    return not subprocess.run(["docker", "-H", socket, "version"], capture_output=True, check=False).returncode
+    return not subprocess.run(
+        ["docker", "-H", socket, "version"], capture_output=True, check=False
+    ).returncode
 
 
 def _is_ready(name: str) -> bool:
@@ -116,7 +136,9 @@ def _is_ready(name: str) -> bool:
 
 def _remove_link(name: str) -> None:
     """Removes a host's network, and processes that an interrupted run may have left in it."""
-    left = subprocess.run(["ip", "netns", "pids", name], capture_output=True, text=True, check=False).stdout.split()
+    left = subprocess.run(
+        ["ip", "netns", "pids", name], capture_output=True, text=True, check=False
+    ).stdout.split()
     for pid in left:
         subprocess.run(["kill", "-KILL", pid], capture_output=True, check=False)
     for words in (("netns", "del", name), ("link", "del", name)):
@@ -141,8 +163,13 @@ def swarm_here(count: int) -> Iterator[Sequence[Host]]:
     if os.geteuid() != 0:
         raise ContainerError("engines in network namespaces need root")
     if is_in_swarm():
-        raise ContainerError("this engine is in a swarm already, and in one only: docker swarm leave --force")
-    folder, before = Path(tempfile.mkdtemp(prefix="pioneer-hosts-", dir="/var/tmp")), os.environ.get("DOCKER_CONFIG")
+        raise ContainerError(
+            "this engine is in a swarm already, and in one only: docker swarm leave --force"
+        )
+    folder, before = (
+        Path(tempfile.mkdtemp(prefix="pioneer-hosts-", dir="/var/tmp")),
+        os.environ.get("DOCKER_CONFIG"),
+    )
     hosts = [Host(number + 1, folder) for number in range(count)]
     os.environ["DOCKER_CONFIG"] = str(folder)
     try:
@@ -176,7 +203,14 @@ def _remove(hosts: Sequence[Host]) -> None:
     for host in hosts:
         host.kill()
         _remove_link(host.link)
-    listing = ["docker", "images", "--filter", f"reference={MANAGER}:{PORT}/*", "--format", "{{.Repository}}:{{.Tag}}"]
+    listing = [
+        "docker",
+        "images",
+        "--filter",
+        f"reference={MANAGER}:{PORT}/*",
+        "--format",
+        "{{.Repository}}:{{.Tag}}",
+    ]
     images = subprocess.run(listing, capture_output=True, text=True, check=False).stdout.split()
     for command in (
         ["docker", "swarm", "leave", "--force"],

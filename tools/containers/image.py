@@ -69,7 +69,9 @@ def ensure_image(name: str) -> None:
     if _label(name) == sources:
         return
     if platform.machine() not in MACHINES:
-        raise ContainerError(f"the image {name} is built on x86-64 only; this machine is {platform.machine()}")
+        raise ContainerError(
+            f"the image {name} is built on x86-64 only; this machine is {platform.machine()}"
+        )
     _begin(name)
     run_step([str(ROOT / "docker" / "base")])
     _ensure_wheels()
@@ -96,7 +98,9 @@ def ensure_extra_image(extra: str, base: str) -> None:
     context.mkdir(parents=True)
     if packages:
         say(f"fetching {len(packages)} Python packages")
-        run_step([*_pip(packages), "install", *_CHOICE, "--target", str(context / "packages"), *packages])
+        run_step(
+            [*_pip(packages), "install", *_CHOICE, "--target", str(context / "packages"), *packages]
+        )
     _build(file, name, sources, "--build-arg", f"IMAGE={base}", context=str(context))
 
 
@@ -116,7 +120,9 @@ def ensure_registry_image(name: str) -> None:
 def _begin(name: str) -> None:
     LOG.parent.mkdir(parents=True, exist_ok=True)
     LOG.write_bytes(b"")
-    say(f"building the image {name} (the first time takes some minutes; log: {LOG.relative_to(ROOT)})")
+    say(
+        f"building the image {name} (the first time takes some minutes; log: {LOG.relative_to(ROOT)})"
+    )
 
 
 def _prepare_stages() -> None:
@@ -143,11 +149,15 @@ def _prepare_stages() -> None:
 def selected_stages(text: str, *names: str) -> str:
     """Returns a Dockerfile with only the named stages, and what precedes the first stage."""
     before, *stages = re.split(r"^(?=FROM )", text, flags=re.M)
-    return before + "".join(stage for stage in stages if stage.partition("\n")[0].partition(" AS ")[2] in names)
+    return before + "".join(
+        stage for stage in stages if stage.partition("\n")[0].partition(" AS ")[2] in names
+    )
 
 
 def _build(file: str, name: str, sources: str, *options: str, context: str = ".") -> None:
-    run_step(_build_command(file, "-t", name, "--label", f"{LABEL}={sources}", *options, context=context))
+    run_step(
+        _build_command(file, "-t", name, "--label", f"{LABEL}={sources}", *options, context=context)
+    )
 
 
 def _build_command(file: str, *options: str, context: str = ".") -> list[str]:
@@ -160,7 +170,11 @@ def source_hash() -> str:
     """Returns a hash of everything in the checkout that the image is built from."""
     found = hashlib.sha256()
     files = [ROOT / part for part in _PARTS]
-    files += (path for path in (ROOT / "catkin_ws" / "src").rglob("*") if path.is_file() and not path.is_symlink())
+    files += (
+        path
+        for path in (ROOT / "catkin_ws" / "src").rglob("*")
+        if path.is_file() and not path.is_symlink()
+    )
     for path in sorted(files):
         inside = path.relative_to(ROOT)
         if "__pycache__" not in inside.parts and "test" not in inside.parts:
@@ -172,17 +186,26 @@ def source_hash() -> str:
 def _label(image: str) -> str:
     template = f'{{{{index .Config.Labels "{LABEL}"}}}}'
     answer = subprocess.run(
-        ["docker", "image", "inspect", "-f", template, image], capture_output=True, text=True, check=False
+        ["docker", "image", "inspect", "-f", template, image],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     return answer.stdout.strip()
 
 
 def requirements(name: str = "run") -> list[str]:
     """Returns what an image needs from PyPI: the section ``name`` of the requirements."""
-    section = re.search(rf"^## {name}\n(.*?)(?=^## |\Z)", (ROOT / "requirements.txt").read_text(), re.S | re.M)
+    section = re.search(
+        rf"^## {name}\n(.*?)(?=^## |\Z)", (ROOT / "requirements.txt").read_text(), re.S | re.M
+    )
     lines = section[1].splitlines() if section else []
     # The image is Debian 12, with Python 3.11.
-    return [line.partition(";")[0] for line in lines if line[:1].isalpha() and 'python_version >= "3.12"' not in line]
+    return [
+        line.partition(";")[0]
+        for line in lines
+        if line[:1].isalpha() and 'python_version >= "3.12"' not in line
+    ]
 
 
 def _python() -> Path:
@@ -198,13 +221,20 @@ def _pip(packages: Sequence[str]) -> list[str]:
         ContainerError: pip is missing.
     """
     python = str(_python())
-    if subprocess.run([python, "-m", "pip", "--version"], capture_output=True, check=False).returncode:
-        raise ContainerError(f"pip is missing, to fetch {', '.join(packages)}: apt install python3-pip")
+    if subprocess.run(
+        [python, "-m", "pip", "--version"], capture_output=True, check=False
+    ).returncode:
+        raise ContainerError(
+            f"pip is missing, to fetch {', '.join(packages)}: apt install python3-pip"
+        )
     return [python, "-m", "pip"]
 
 
 def _ensure_wheels() -> None:
-    have = {path.name.split("-")[0].lower() + "==" + path.name.split("-")[1] for path in WHEELS.glob("*.whl")}
+    have = {
+        path.name.split("-")[0].lower() + "==" + path.name.split("-")[1]
+        for path in WHEELS.glob("*.whl")
+    }
     missing = [one for one in requirements() if one.lower() not in have]
     if not missing:
         return
@@ -224,7 +254,12 @@ def run_step(command: Sequence[str], log: Path = LOG) -> None:
     with (
         log.open("a") as file,
         subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            cwd=ROOT,
         ) as process,
     ):
         assert process.stdout is not None, "it was asked for"
@@ -237,4 +272,6 @@ def run_step(command: Sequence[str], log: Path = LOG) -> None:
                 shown = time.monotonic()
                 say(f"  {shown - started:4.0f} s  {line.strip()[:80]}")
     if process.returncode:
-        raise ContainerError("\n".join([f"{' '.join(command[:2])} failed:", *lines, f"the whole log is {log}"]))
+        raise ContainerError(
+            "\n".join([f"{' '.join(command[:2])} failed:", *lines, f"the whole log is {log}"])
+        )

@@ -75,13 +75,17 @@ def stack_text(shipped: str, robots: int, base_on: str, factor: float) -> str:
     computer, services, rest = re.split(
         r"\n\nservices:\n|  # Only with", shipped[shipped.index("x-computer:") :], maxsplit=2
     )
-    computer = computer.replace("  restart: on-failure\n", "").replace("interval: 15s", "interval: 5s")
+    computer = computer.replace("  restart: on-failure\n", "").replace(
+        "interval: 15s", "interval: 5s"
+    )
     # A task runs once it is healthy, and a swarm ends unhealthy ones: a busy machine must not look like a fault.
     computer = computer.replace("timeout: 5s", f"timeout: 20s\n    retries: {RETRIES}")
     computer = computer.replace("start_period: 60s", f"start_period: {START_PERIOD}s")
     computer = computer.replace("[hub_password]", f"[hub_password, {', '.join(TLS)}]")
     services = _BLOCKS.sub(lambda found: _first(found[0]), services)
-    services = re.sub(r"    networks:\n      aadi\.robots:\n.*\n", "    networks: [robots]\n", services)
+    services = re.sub(
+        r"    networks:\n      aadi\.robots:\n.*\n", "    networks: [robots]\n", services
+    )
     base = _deploy(1, base_on, (WORLD_CPUS + BASE_CPUS * robots) * speed, BASE_MEMORY, "4g")
     robot = _deploy(robots, "", ROBOT_CPUS * speed, ROBOT_MEMORY, "1g")
     services = services.replace("    mem_limit: 4g\n", base).replace("    mem_limit: 1g\n", robot)
@@ -98,7 +102,9 @@ def stack_text(shipped: str, robots: int, base_on: str, factor: float) -> str:
 def _first(blocks: str) -> str:
     """Returns the service of all robots, made from the block of the first."""
     block = re.split(r"^(?=  aadi2:)", blocks, flags=re.M)[0]
-    return block.replace("  aadi1:", "  aadi:").replace("hostname: aadi1", 'hostname: "aadi{{.Task.Slot}}"')
+    return block.replace("  aadi1:", "  aadi:").replace(
+        "hostname: aadi1", 'hostname: "aadi{{.Task.Slot}}"'
+    )
 
 
 def _deploy(replicas: int, constraint: str, cpus: float, memory: int, most: str) -> str:

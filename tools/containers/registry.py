@@ -28,7 +28,11 @@ def distribute(address: str, manager: Node, nodes: Sequence[Node]) -> str:
     """
     image = os.environ.get("PIONEER_IMAGE", "pioneer")
     # The tag identifies the image, so that an update is recognised and a node that has the image pulls nothing.
-    tag = output("docker", "image", "inspect", "-f", "{{.Id}}", image).strip().removeprefix("sha256:")[:12]
+    tag = (
+        output("docker", "image", "inspect", "-f", "{{.Id}}", image)
+        .strip()
+        .removeprefix("sha256:")[:12]
+    )
     to = address
     if not address:
         address, to = f"{manager.address}:{PORT}", f"127.0.0.1:{PORT}"
@@ -57,18 +61,24 @@ def check_trust(node: Node, address: str) -> None:
 def _start(address: str) -> None:
     """Starts our registry unless it runs; replaces one on a former address. It outlives fleets."""
     fields = f'{{{{.Label "{ADDRESS}"}}}} {{{{.State}}}}'
-    there = output("docker", "ps", "-a", "--filter", f"name=^{CONTAINER}$", "--format", fields).split()
+    there = output(
+        "docker", "ps", "-a", "--filter", f"name=^{CONTAINER}$", "--format", fields
+    ).split()
     if there and there[0] != address:
         output("docker", "rm", "-f", CONTAINER)
     if not there or there[0] != address:
         ensure_registry_image(CONTAINER)
-        published = [word for host in ("127.0.0.1", address) for word in ("-p", f"{host}:{PORT}:{PORT}")]
+        published = [
+            word for host in ("127.0.0.1", address) for word in ("-p", f"{host}:{PORT}:{PORT}")
+        ]
         words = ["--label", f"{ADDRESS}={address}", "--restart", "unless-stopped", "-v", VOLUME]
         output("docker", "run", "-d", "--name", CONTAINER, *published, *words, CONTAINER)
     elif there[1] != "running":
         output("docker", "start", CONTAINER)
     if not awaited(_answers, ANSWER):
-        raise ContainerError(f"the registry does not answer after {ANSWER:g} s: docker logs {CONTAINER}")
+        raise ContainerError(
+            f"the registry does not answer after {ANSWER:g} s: docker logs {CONTAINER}"
+        )
 
 
 def _answers() -> bool:

@@ -9,7 +9,10 @@ from typing import Any
 from containers.engine import Computer
 
 _WORKSPACE = "/opt/pioneer/catkin_ws"
-REPORT = (f"{_WORKSPACE}/src/pioneer_node/scripts/forked", f"{_WORKSPACE}/devel/lib/pioneer_fleet/report")
+REPORT = (
+    f"{_WORKSPACE}/src/pioneer_node/scripts/forked",
+    f"{_WORKSPACE}/devel/lib/pioneer_fleet/report",
+)
 """The command without the arguments of ``report``. As a fork of the computer's process it need not import rospy."""
 HEADINGS = (
     "COMPUTER",
@@ -26,7 +29,8 @@ HEADINGS = (
 
 
 def follow(
-    asked: Sequence[tuple[Computer, Sequence[str]]], heard: Callable[[Computer, dict[str, Any]], None]
+    asked: Sequence[tuple[Computer, Sequence[str]]],
+    heard: Callable[[Computer, dict[str, Any]], None],
 ) -> dict[str, bool]:
     """Runs the report on computers in parallel, each with its arguments, until all end; ``heard`` gets each line.
 
@@ -36,8 +40,18 @@ def follow(
     lock, results = threading.Lock(), dict[str, bool]()
 
     def run(computer: Computer, arguments: Sequence[str]) -> None:
-        command = [*computer.docker, "exec", computer.container, *REPORT, "--robot", computer.robot, *arguments]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        command = [
+            *computer.docker,
+            "exec",
+            computer.container,
+            *REPORT,
+            "--robot",
+            computer.robot,
+            *arguments,
+        ]
+        with subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as process:
             assert process.stdout is not None
             assert process.stderr is not None
             for line in process.stdout:
@@ -47,7 +61,11 @@ def follow(
         if process.returncode > 1 or (process.returncode and problem):
             with lock:
                 heard(
-                    computer, {"lacks": (problem.splitlines() or ["the container has ended"])[-1], "stage": "starting"}
+                    computer,
+                    {
+                        "lacks": (problem.splitlines() or ["the container has ended"])[-1],
+                        "stage": "starting",
+                    },
                 )
         results[computer.name] = process.returncode == 0
 
@@ -77,7 +95,8 @@ def aligned(rows: Sequence[Sequence[str]]) -> str:
     """Returns rows as lines with aligned columns."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return "\n".join(
-        "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+        "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
     )
 
 
@@ -91,9 +110,22 @@ def _row(computer: Computer, report: Mapping[str, Any]) -> tuple[str, ...]:
     if not computer.robot:
         factor = report["real_time_factor"]
         world = f"{len(report['models'])} in {computer.environment.get('WORLD', '')}"
-        return (computer.name, state, gateway, rules, world, "-", "-", "-", "-", words or f"real-time factor {factor}")
+        return (
+            computer.name,
+            state,
+            gateway,
+            rules,
+            world,
+            "-",
+            "-",
+            "-",
+            "-",
+            words or f"real-time factor {factor}",
+        )
     moves = f"{'drives' if report['moving'] else 'stands'} {report['speed']:.2f} m/s"
-    counts = f"{report['reached']}/{report['received']}" + (f", {report['aborted']} lost" if report["aborted"] else "")
+    counts = f"{report['reached']}/{report['received']}" + (
+        f", {report['aborted']} lost" if report["aborted"] else ""
+    )
     place = "-" if report["deviation"] is None else f"±{report['deviation']:.2f} m"
     return (
         computer.name, state, gateway, rules, moves,

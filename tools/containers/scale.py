@@ -29,9 +29,17 @@ FIGURES: Mapping[str, tuple[str, str, Mapping[int, float]]] = {
     "base_mb": ("base station", "MB", {15: 350.0}),
     "robot_in_kb": ("into a robot's computer", "kB/sim-s", {15: 40.0}),
     "robot_out_kb": ("out of a robot's computer", "kB/sim-s", {}),
-    "trip_ms": ("round trip between gateways, base station's and a robot's, one machine, mean", "ms", {}),
+    "trip_ms": (
+        "round trip between gateways, base station's and a robot's, one machine, mean",
+        "ms",
+        {},
+    ),
     "far_trip_ms": ("the same, on two machines", "ms", {}),
-    "growth": ("CPU of the largest fleet / of as many robots at the smallest's cost", "", {15: 1.05}),
+    "growth": (
+        "CPU of the largest fleet / of as many robots at the smallest's cost",
+        "",
+        {15: 1.05},
+    ),
 }
 """By name of a figure: description, unit, and goal by number of robots (0: any); a negative goal is a lower bound."""
 
@@ -99,7 +107,11 @@ def _trips(made: Fleet) -> dict[str, float]:
     for name, one in there.items():
         if one.robot and (trip := trips.get(f"{name}_gateway")):
             (near if one.node == there[BASE].node else far).append(trip)
-    return {name: sum(some) / len(some) for name, some in (("trip_ms", near), ("far_trip_ms", far)) if some}
+    return {
+        name: sum(some) / len(some)
+        for name, some in (("trip_ms", near), ("far_trip_ms", far))
+        if some
+    }
 
 
 def _counts(said: str) -> tuple[float, ...]:
@@ -128,7 +140,12 @@ def with_growth(rows: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
 def table(rows: Sequence[Mapping[str, float]]) -> str:
     """Returns the figures as a Markdown table, each, as printed, with its goal and whether that is met."""
     lines = ["| robots | what | measured | unit | goal | holds |", "|---|---|---|---|---|---|"]
-    return "\n".join([*lines, *(_line(row, name) for row in with_growth(rows) for name in row if name in FIGURES)])
+    return "\n".join(
+        [
+            *lines,
+            *(_line(row, name) for row in with_growth(rows) for name in row if name in FIGURES),
+        ]
+    )
 
 
 def _line(row: Mapping[str, float], name: str) -> str:
@@ -145,8 +162,13 @@ def comparison(compose: Mapping[str, float], swarm: Mapping[str, float]) -> str:
     """Returns the figures of two fleets with the same number of robots as a Markdown table."""
     lines = [f"| {compose['robots']:g} robots | unit | compose | swarm |", "|---|---|---|---|"]
     names = [name for name in FIGURES if name in compose or name in swarm]
-    cells = [[f"{row[name]:.3g}" if name in row else "" for row in (compose, swarm)] for name in names]
-    rows = ["| " + " | ".join((*FIGURES[name][:2], *pair)) + " |" for name, pair in zip(names, cells, strict=True)]
+    cells = [
+        [f"{row[name]:.3g}" if name in row else "" for row in (compose, swarm)] for name in names
+    ]
+    rows = [
+        "| " + " | ".join((*FIGURES[name][:2], *pair)) + " |"
+        for name, pair in zip(names, cells, strict=True)
+    ]
     return "\n".join([*lines, *rows])
 
 
@@ -183,10 +205,18 @@ def compare(robots: int) -> list[dict[str, float]]:
 def main(words: Sequence[str]) -> int:
     """Measures fleets of each size on the command line; returns the exit status."""
     parser = argparse.ArgumentParser("./pioneer bench containers", description=__doc__)
-    parser.add_argument("robots", type=int, nargs="*", metavar="N", help="default: 5 10 15; with --swarm 6")
+    parser.add_argument(
+        "robots", type=int, nargs="*", metavar="N", help="default: 5 10 15; with --swarm 6"
+    )
     parser.add_argument("--swarm", action="store_true", help="a fleet on this machine beside one on the swarm that it "
         "manages; without one, on three engines on this machine, as root")  # fmt: skip
-    parser.add_argument("--output", type=Path, default=Path("bench-report"), metavar="DIR", help="default: %(default)s")
+    parser.add_argument(
+        "--output",
+        type=Path,
+        default=Path("bench-report"),
+        metavar="DIR",
+        help="default: %(default)s",
+    )
     options = parser.parse_args(words)
     options.output.mkdir(parents=True, exist_ok=True)
     rows: list[dict[str, float]] = []

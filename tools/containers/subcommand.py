@@ -21,7 +21,9 @@ class Subcommands:
     ) -> argparse.ArgumentParser:
         """Adds a command and returns its parser, for its options."""
         epilog = f"example: ./pioneer {example}"
-        command = self._commands.add_parser(name, help=description, description=description, epilog=epilog)
+        command = self._commands.add_parser(
+            name, help=description, description=description, epilog=epilog
+        )
         command.set_defaults(run=run)
         return command
 

@@ -68,7 +68,9 @@ def _inspected(kind: str, names: Sequence[str]) -> list[dict[str, Any]]:
 def _node(fact: Mapping[str, Any], swarm: Mapping[str, Any], contexts: set[str]) -> Node:
     name, address = fact["Description"]["Hostname"], fact["Status"]["Addr"]
     here, up = fact["ID"] == swarm["NodeID"], fact["Status"]["State"] == "ready"
-    other = ("docker", "--context", name) if name in contexts else ("docker", "-H", f"ssh://{address}")
+    other = (
+        ("docker", "--context", name) if name in contexts else ("docker", "-H", f"ssh://{address}")
+    )
     return Node(
         name,
         fact["ID"],
@@ -119,7 +121,11 @@ class Stack:
         command = ["docker", "stack", "deploy", "-c", str(self.file), "--resolve-image", "never"]
         environment = {**os.environ, **variables}
         done = subprocess.run(
-            [*command, "--with-registry-auth", self.name], env=environment, capture_output=True, text=True, check=False
+            [*command, "--with-registry-auth", self.name],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
         )
         if done.returncode:
             raise ContainerError(f"docker stack deploy failed: {done.stderr.strip()}")
@@ -130,7 +136,14 @@ class Stack:
 
     def update(self, image: str) -> None:
         """Updates the robots' computers to another image, one at a time; returns once the last one runs."""
-        command = ["docker", "service", "update", "-q", "--with-registry-auth", "--no-resolve-image"]
+        command = [
+            "docker",
+            "service",
+            "update",
+            "-q",
+            "--with-registry-auth",
+            "--no-resolve-image",
+        ]
         output(*command, "--image", image, f"{self.name}_{ROBOTS}")
 
     def computers(self) -> list[Computer]:
@@ -140,7 +153,11 @@ class Stack:
     def tasks(self) -> tuple[list[Computer], list[Computer]]:
         """Returns the fleet's computers, and the latest tasks that a node could not start, e.g. without the image."""
         services = self._services()
-        listed = output("docker", "service", "ps", "--no-trunc", "-q", *services).split() if services else []
+        listed = (
+            output("docker", "service", "ps", "--no-trunc", "-q", *services).split()
+            if services
+            else []
+        )
         known = {node.ident: node for node in nodes()} if listed else {}
         facts = _inspected("task", listed)
         wanted = [_computer(fact, known) for fact in facts if fact["DesiredState"] == "running"]
@@ -181,7 +198,9 @@ class Stack:
         tasks = {one.name: one.task for one in self.computers()} if names else {}
         for name in names:
             if name not in tasks:
-                raise ContainerError(f"no computer {name} runs; there are {', '.join(tasks) or 'none'}")
+                raise ContainerError(
+                    f"no computer {name} runs; there are {', '.join(tasks) or 'none'}"
+                )
         sources = [tasks[name] for name in names] or self._services()
         words = ["docker", "service", "logs", *(["-f"] if follow else [])]
         running = [subprocess.Popen([*words, source]) for source in sources]

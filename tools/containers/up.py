@@ -16,7 +16,16 @@ from containers.engine import DESKTOP, EXTRAS, WEB, Computer, ContainerError, ou
 from containers.fleet_plan import DOWN, FleetPlan, is_idle, make_fleet_plan
 from containers.layout import SUBNET, compose_text
 from containers.report import follow, progress_line
-from containers.state import BASE, SHIPPED, project, secret, subnet, write_whole, written_compose, written_subnet
+from containers.state import (
+    BASE,
+    SHIPPED,
+    project,
+    secret,
+    subnet,
+    write_whole,
+    written_compose,
+    written_subnet,
+)
 from pioneer_harness.proc import processors
 
 JOINED = "/var/lib/pioneer/robots"
@@ -107,7 +116,9 @@ def _await_page(base: Computer, extra: str) -> None:
     try:
         output("docker", "exec", base.container, "timeout", f"{START_UP:g}", *wait)
     except ContainerError:
-        raise ContainerError(f"service {extra} does not answer after {START_UP:g} s; ./pioneer logs {extra}") from None
+        raise ContainerError(
+            f"service {extra} does not answer after {START_UP:g} s; ./pioneer logs {extra}"
+        ) from None
 
 
 def _address(extra: str, network: str) -> str:
@@ -137,11 +148,16 @@ def _join(base: Computer, robots: Sequence[str]) -> None:
     output(*on_base, base.container, "rosparam", "set", "/robot_names", json.dumps(names))
     output(*on_base, base.container, "rosrun", "rocon_flip", "flip-from-hub", count)
     for robot in robots:
-        pose = " ".join(f"-{option} $(rosparam get /{robot}/{key})" for option, key in zip("xyY", "xya", strict=True))
+        pose = " ".join(
+            f"-{option} $(rosparam get /{robot}/{key})"
+            for option, key in zip("xyY", "xya", strict=True)
+        )
         launch = f'exec roslaunch pioneer_description generic_pioneer.launch name:={robot} pose:="{pose}"'
         output(*on_base, "-d", base.container, "bash", "-c", f"{launch} >/proc/1/fd/1 2>&1")
         # Only now: if this call is interrupted, the next one adds the robots that are not counted.
-        output(*on_base, base.container, "sh", "-c", f"echo {robot.removeprefix('pioneer')} >{JOINED}")
+        output(
+            *on_base, base.container, "sh", "-c", f"echo {robot.removeprefix('pioneer')} >{JOINED}"
+        )
 
 
 def _say_idle(plan: FleetPlan, computers: Sequence[Computer]) -> None:
@@ -152,11 +168,19 @@ def _say_idle(plan: FleetPlan, computers: Sequence[Computer]) -> None:
         say(f"step 3 on {BASE} now wants robots:={plan.robots}")
 
 
-def _await(plan: FleetPlan, computers: Sequence[Computer], waypoints: int, image_seconds: float, started: float) -> int:
+def _await(
+    plan: FleetPlan,
+    computers: Sequence[Computer],
+    waypoints: int,
+    image_seconds: float,
+    started: float,
+) -> int:
     """Waits until the started computers' robots have driven; the others, which get no waypoints, need only be ready."""
     latest: dict[str, dict[str, Any]] = {}
     sent = plan.started if waypoints else []
-    until = {one.name: "moving" if one.name in sent else "ready" for one in computers if not is_idle(one)}
+    until = {
+        one.name: "moving" if one.name in sent else "ready" for one in computers if not is_idle(one)
+    }
     timeout = START_UP + START_UP_PER_ROBOT * plan.robots
 
     def words(computer: Computer) -> list[str]:

@@ -41,7 +41,9 @@ def tree(tmp_path: Path) -> Path:
         ("README.md", set()),
     ],
 )
-def test_a_test_is_affected_by_what_it_imports_through_others(tree: Path, changed: str, names: set[str]) -> None:
+def test_a_test_is_affected_by_what_it_imports_through_others(
+    tree: Path, changed: str, names: set[str]
+) -> None:
     tests = sorted((tree / "test").glob("*.py"))
     found = affected(tests, [tree / changed], modules_below([tree / "src"]))
     assert {path.stem for path in found} == names

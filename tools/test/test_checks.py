@@ -52,13 +52,18 @@ def test_two_at_once_run_at_the_same_time_and_progress_names_both(tmp_path: Path
 def test_one_at_once_run_in_their_order(tmp_path: Path) -> None:
     trace = tmp_path / "trace"
     program = f"open({str(trace)!r}, 'a').write('{{0}}('); import time; open({str(trace)!r}, 'a').write('{{0}})')"
-    found = [check.name for check, _ in run([python(name, program.format(name)) for name in "abc"], 1, quiet)]
+    found = [
+        check.name
+        for check, _ in run([python(name, program.format(name)) for name in "abc"], 1, quiet)
+    ]
     assert (found, trace.read_text()) == (["a", "b", "c"], "a(a)b(b)c(c)")
 
 
 def test_nothing_runs_beside_a_check_that_is_alone() -> None:
     """A page that must show the fleet within 3 s used to be opened next to two other test fleets, and took 3.5 s."""
-    checks = [Check(name, ["true"], alone=name == "timed") for name in ("one", "two", "timed", "three")]
+    checks = [
+        Check(name, ["true"], alone=name == "timed") for name in ("one", "two", "timed", "three")
+    ]
     seen = list[list[str]]()
     assert all(not count.failed for _, count in run(checks, 3, lambda names, _: seen.append(names)))
     assert [names for names in seen if "timed" in names] == [["timed"]]
@@ -66,12 +71,19 @@ def test_nothing_runs_beside_a_check_that_is_alone() -> None:
 
 
 def test_a_failing_check_fails_and_the_others_go_on() -> None:
-    found = {check.name: count for check, count in run([python("bad", "1 / 0"), python("good", "")], 2, quiet)}
+    found = {
+        check.name: count
+        for check, count in run([python("bad", "1 / 0"), python("good", "")], 2, quiet)
+    }
     assert found == {"bad": Count(failed=1), "good": Count(passed=1)}
 
 
 def number(path: Path) -> int:
-    return int(wait_until(lambda: path.exists() and path.read_text().strip(), f"the number in {path.name}", 10))
+    return int(
+        wait_until(
+            lambda: path.exists() and path.read_text().strip(), f"the number in {path.name}", 10
+        )
+    )
 
 
 def node(pid: Path, on_interrupt: str) -> str:
@@ -95,7 +107,12 @@ def interrupted(running: Iterator[tuple[Check, Count]]) -> None:
 
 def test_a_check_that_does_not_end_is_stopped_with_all_its_sessions(tmp_path: Path) -> None:
     pid = tmp_path / "pid"
-    check = Check("endless", ["bash", "-c", f"trap : INT; {node(pid, ':')} & wait; wait"], timeout=2.0, patience=0.5)
+    check = Check(
+        "endless",
+        ["bash", "-c", f"trap : INT; {node(pid, ':')} & wait; wait"],
+        timeout=2.0,
+        patience=0.5,
+    )
     assert [count for _, count in run([check], 1, quiet)] == [Count(failed=1)]
     assert "not finished after 2 s" in check.log.read_text()
     assert "killed, because they did not end in time:" in check.log.read_text()
@@ -116,7 +133,10 @@ def test_an_interrupt_asks_all_checks_at_once_and_lets_them_tidy_up(tmp_path: Pa
     # Each check ends only after the other one has been interrupted, too.
     checks = [
         endless(
-            own, tmp_path, f"touch {tmp_path}/asked-{own}; until [ -e {tmp_path}/asked-{other} ]; do :; done; exit", 60
+            own,
+            tmp_path,
+            f"touch {tmp_path}/asked-{own}; until [ -e {tmp_path}/asked-{other} ]; do :; done; exit",
+            60,
         )
         for own, other in ("ab", "ba")
     ]
@@ -155,9 +175,8 @@ def test_a_check_whose_program_is_missing_fails_with_one_line() -> None:
 
 def test_orphans_of_a_check_do_not_stay_as_zombies(tmp_path: Path) -> None:
     pid = tmp_path / "pid"
-    program = (
-        f"(bash -c 'echo $$ > {pid}' &); until [ -s {pid} ]; do :; done; while [ -e /proc/$(cat {pid}) ]; do :; done"
-    )
+    waiting = f"until [ -s {pid} ]; do :; done; while [ -e /proc/$(cat {pid}) ]; do :; done"
+    program = f"(bash -c 'echo $$ > {pid}' &); {waiting}"
     check = Check("waits for its orphan", ["bash", "-c", program], timeout=20.0)
     assert [count for _, count in run([check], 1, quiet)] == [Count(passed=1)]
 
@@ -165,7 +184,9 @@ def test_orphans_of_a_check_do_not_stay_as_zombies(tmp_path: Path) -> None:
 def test_who_closes_the_iterator_ends_what_runs(tmp_path: Path) -> None:
     mark = tmp_path / "pid"
     program = f"import os, pathlib, time; pathlib.Path({str(mark)!r}).write_text(str(os.getpid())); time.sleep(1000)"
-    first = python("first", f"import os, time\nwhile not os.path.exists({str(mark)!r}): time.sleep(0.01)")
+    first = python(
+        "first", f"import os, time\nwhile not os.path.exists({str(mark)!r}): time.sleep(0.01)"
+    )
     running = run([first, python("second", program)], 2, quiet)
     assert next(running)[0].name == "first"
     pid = wait_until(lambda: mark.read_text(), "the second's number", 5)
@@ -190,9 +211,18 @@ def ended(pid: int) -> bool:
         ("<testsuite", 0, Count(0, 1)),
         ('<testsuite tests="5" skipped="5"/>', 0, Count(0, 0, 5)),
     ],
-    ids=["as they say", "several", "a status they do not show", "no test at all", "no XML", "none can run here"],
+    ids=[
+        "as they say",
+        "several",
+        "a status they do not show",
+        "no test at all",
+        "no XML",
+        "none can run here",
+    ],
 )
-def test_results_are_counted_as_junit_files_say(tmp_path: Path, text: str, status: int, expected: Count) -> None:
+def test_results_are_counted_as_junit_files_say(
+    tmp_path: Path, text: str, status: int, expected: Count
+) -> None:
     (tmp_path / "results").mkdir()
     (tmp_path / "results" / "pytest.xml").write_text(text)
     assert checks.counted(Check("x", [], tmp_path / "results"), status) == expected

@@ -25,7 +25,9 @@ def bare(folder: Path, *words: str) -> "subprocess.CompletedProcess[str]":
     (folder / "catkin_ws").mkdir()
     (folder / "catkin_ws" / "src").symlink_to(ROOT / "catkin_ws" / "src")
     command = ["bash", folder / "pioneer", *words]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=HANGS, check=False)
+    return subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=HANGS, check=False
+    )
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -41,25 +43,46 @@ def test_every_command_has_help_with_a_sentence_and_an_example(command: str) -> 
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        ("demo --bogus", "pioneer demo: unrecognized arguments: --bogus (see ./pioneer demo --help)"),
+        (
+            "demo --bogus",
+            "pioneer demo: unrecognized arguments: --bogus (see ./pioneer demo --help)",
+        ),
         ("demo --world utm0", "not 'utm0'; did you mean utm_0?"),
         ("demo --robots 0", "pioneer demo: --robots must be 1 to 15 in closed_maze, not 0"),
         ("demo --robots two", "pioneer demo: argument --robots: invalid int value: 'two'"),
         ("demo --waypoints 0", "pioneer demo: --waypoints must be 1 to 50, not 0"),
-        ("demo --limit -1", "pioneer demo: --limit must be 0 (in proportion to the way) or more seconds, not -1"),
+        (
+            "demo --limit -1",
+            "pioneer demo: --limit must be 0 (in proportion to the way) or more seconds, not -1",
+        ),
         ("demo --video film", "pioneer demo: --video must name a file such as run.mp4, not 'film'"),
         ("demo --rtf -1", "pioneer demo: --rtf must be 0 (as fast as possible) or more, not -1"),
-        ("demo --rtf 1 --lockstep", "--rtf and --lockstep both say how fast time passes: give one of them"),
+        (
+            "demo --rtf 1 --lockstep",
+            "--rtf and --lockstep both say how fast time passes: give one of them",
+        ),
         ("demo --seed -1", "pioneer demo: --seed must be 0 to 2147483647, not -1"),
-        ("fleet --record run.txt", "--record must name a file such as run.mcap or run.bag, not 'run.txt'"),
-        ("fleet --robots 2 --fleet f.yaml", "--robots and --fleet both say how many robots there are"),
+        (
+            "fleet --record run.txt",
+            "--record must name a file such as run.mcap or run.bag, not 'run.txt'",
+        ),
+        (
+            "fleet --robots 2 --fleet f.yaml",
+            "--robots and --fleet both say how many robots there are",
+        ),
         ("fleet --world", "pioneer fleet: argument --world: expected one argument"),
         ("fleet --robot 2", "pioneer fleet: unrecognized arguments: --robot 2"),
         ("run-scenario", "pioneer run-scenario: the following arguments are required: FILE"),
-        ("run-scenario head_on --robots 3", "pioneer run-scenario: unrecognized arguments: --robots 3"),
+        (
+            "run-scenario head_on --robots 3",
+            "pioneer run-scenario: unrecognized arguments: --robots 3",
+        ),
         ("experiment", "pioneer experiment: the following arguments are required: STUDY"),
         ("experiment none.yaml", "pioneer experiment: there is no study none.yaml"),
-        ("experiment none.yaml --runs -2", "pioneer experiment: --runs must be 0 (as in the file) or more, not -2"),
+        (
+            "experiment none.yaml --runs -2",
+            "pioneer experiment: --runs must be 0 (as in the file) or more, not -2",
+        ),
         ("experiment none.yaml --jobs 0", "pioneer experiment: --jobs must be 1 to 1000, not 0"),
         ("replay", "the following arguments are required: FILE"),
         ("replay none.mcap", "pioneer replay: there is no file none.mcap"),
@@ -89,7 +112,9 @@ def test_help_needs_no_set_up(tmp_path: Path, command: str) -> None:
 
 def test_bench_lists_every_bench() -> None:
     text = run("bench", "--help").stdout
-    assert all(f"\n    {bench}" in text for bench in ("sim", "accuracy", "gateway", "nav", "containers"))
+    assert all(
+        f"\n    {bench}" in text for bench in ("sim", "accuracy", "gateway", "nav", "containers")
+    )
 
 
 def test_an_unknown_command_suggests_the_nearest() -> None:
@@ -122,15 +147,24 @@ def test_bash_completes_commands_options_and_values(line: str, offered: list[str
     COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}
     _pioneer; printf '%s\\n' "${{COMPREPLY[@]}}"
     """
-    done = subprocess.run(["bash", "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=HANGS, check=True)
+    done = subprocess.run(
+        ["bash", "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=HANGS, check=True
+    )
     assert [word for word in done.stdout.split() if word != "--waypoints"] == offered
 
 
 def test_python_alone_answers_help() -> None:
     """The help of demo also appears on a machine without python3-yaml, which set-up installs."""
-    script = "import sys; sys.modules['yaml'] = None; import cli; sys.exit(cli.main(['help', 'demo']))"
+    script = (
+        "import sys; sys.modules['yaml'] = None; import cli; sys.exit(cli.main(['help', 'demo']))"
+    )
     done = subprocess.run(
-        [sys.executable, "-c", script], cwd=ROOT / "tools", capture_output=True, text=True, timeout=HANGS, check=False
+        [sys.executable, "-c", script],
+        cwd=ROOT / "tools",
+        capture_output=True,
+        text=True,
+        timeout=HANGS,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     assert "--waypoints" in done.stdout

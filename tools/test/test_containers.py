@@ -28,9 +28,19 @@ def test_five_robots_are_the_shipped_file() -> None:
 @pytest.mark.parametrize("robots", [1, 15, 150])
 def test_every_robot_has_the_tutorials_name_and_address(robots: int) -> None:
     text = compose_text(SHIPPED, robots)
-    found = re.findall(r"^  (aadi\d+):\n(?:    .*\n)*?    hostname: (aadi\d+)\n(?:    .*\n)*?.*\}\.(\d+)$", text, re.M)
-    assert found == [(f"aadi{number}", f"aadi{number}", str(100 + number)) for number in range(1, robots + 1)]
-    assert text.count("  aadiworkstation:") == text.count("ipv4_address: ${PIONEER_SUBNET:-192.168.2}.100") == 1
+    found = re.findall(
+        r"^  (aadi\d+):\n(?:    .*\n)*?    hostname: (aadi\d+)\n(?:    .*\n)*?.*\}\.(\d+)$",
+        text,
+        re.M,
+    )
+    assert found == [
+        (f"aadi{number}", f"aadi{number}", str(100 + number)) for number in range(1, robots + 1)
+    ]
+    assert (
+        text.count("  aadiworkstation:")
+        == text.count("ipv4_address: ${PIONEER_SUBNET:-192.168.2}.100")
+        == 1
+    )
 
 
 def test_a_checkout_below_a_folder_called_test_has_its_sources_in_the_image(
@@ -85,11 +95,16 @@ def test_the_image_is_built_on_no_other_processor(monkeypatch: pytest.MonkeyPatc
     for name in ("run_step", "say"):
         monkeypatch.setattr(image, name, lambda *_: pytest.fail("nothing is to be tried"))
     monkeypatch.setattr(platform, "machine", lambda: "aarch64")
-    with pytest.raises(ContainerError, match=r"^the image pioneer is built on x86-64 only; this machine is aarch64$"):
+    with pytest.raises(
+        ContainerError,
+        match=r"^the image pioneer is built on x86-64 only; this machine is aarch64$",
+    ):
         image.ensure_image("pioneer")
 
 
-def test_without_a_python_in_the_usual_places_the_one_that_runs_fetches_wheels(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_python_in_the_usual_places_the_one_that_runs_fetches_wheels(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(Path, "exists", lambda path: False)
     assert image._python() == Path(sys.executable)
 
@@ -97,7 +112,9 @@ def test_without_a_python_in_the_usual_places_the_one_that_runs_fetches_wheels(m
 @pytest.mark.parametrize(
     ("screen", "page", "well"), [("$$", "$$", True), ("$$", "$dead", False), ("$dead", "$$", False)]
 )
-def test_the_desktop_is_up_while_both_screen_and_page_run(screen: str, page: str, well: int) -> None:
+def test_the_desktop_is_up_while_both_screen_and_page_run(
+    screen: str, page: str, well: int
+) -> None:
     (function,) = re.findall(r"^up\(\).*$", (DOCKER / "desktop").read_text(), re.M)
     function = function.replace("/sys/class/net/eth0", "/")
     script = f"true & dead=$!; wait; screen={screen} page={page}; {function}; up"
@@ -139,9 +156,14 @@ def test_an_idle_computer_says_that_no_server_will_listen(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize(
     ("role", "program", "words"),
-    [("base", "pioneer_node/computer", "2"), ("robot", "pioneer_gazebo/run-pioneer-nav-local", "1")],
+    [
+        ("base", "pioneer_node/computer", "2"),
+        ("robot", "pioneer_gazebo/run-pioneer-nav-local", "1"),
+    ],
 )
-def test_a_computer_starts_its_two_steps(tmp_path: Path, role: str, program: str, words: str) -> None:
+def test_a_computer_starts_its_two_steps(
+    tmp_path: Path, role: str, program: str, words: str
+) -> None:
     started = tmp_path / "catkin_ws" / "devel" / "lib" / program
     started.parent.mkdir(parents=True)
     started.write_text('#!/bin/sh\necho "$#"\n')

@@ -44,7 +44,9 @@ def plain_terminal() -> dict[str, str]:
     """Returns the environment of a terminal in which only ``source catkin_ws/devel/setup.bash`` was typed."""
     bare = {"HOME": os.environ.get("HOME", "/"), "PATH": "/usr/local/bin:/usr/bin:/bin"}
     command = ["bash", "--norc", "-c", 'source "$0"/devel/setup.bash && env -0', str(WORKSPACE)]
-    output = subprocess.run(command, env=bare, check=True, capture_output=True, text=True, timeout=60).stdout
+    output = subprocess.run(
+        command, env=bare, check=True, capture_output=True, text=True, timeout=60
+    ).stdout
     return dict(line.split("=", 1) for line in output.split("\0") if line)
 
 
@@ -64,13 +66,19 @@ def test_launch_file_loads_and_names_only_executables_that_exist(path: Path) -> 
     assert not config.config_errors
     for node in config.nodes:
         if (node.package, node.type) not in FOREIGN_NODES:
-            assert roslib.packages.find_node(node.package, node.type), f"no executable {node.package}/{node.type}"
+            assert roslib.packages.find_node(node.package, node.type), (
+                f"no executable {node.package}/{node.type}"
+            )
 
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=NAMES)
 def test_each_argument_of_a_launch_file_is_explained(path: Path) -> None:
     elements = ElementTree.parse(path).getroot().findall("arg")
-    unexplained = [element.get("name") for element in elements if not ("value" in element.attrib or element.get("doc"))]
+    unexplained = [
+        element.get("name")
+        for element in elements
+        if not ("value" in element.attrib or element.get("doc"))
+    ]
     assert not unexplained, f"arguments without doc=: {unexplained}"
 
 
@@ -82,14 +90,23 @@ def test_each_argument_of_a_launch_file_is_used_or_says_that_it_changes_nothing(
     unused = [
         name
         for name, doc in declared.items()
-        if not (passed_on or f"$(arg {name})" in text or f"arg('{name}')" in text or "changes nothing" in doc)
+        if not (
+            passed_on
+            or f"$(arg {name})" in text
+            or f"arg('{name}')" in text
+            or "changes nothing" in doc
+        )
     ]
     assert not unused, f"arguments that nothing uses: {unused}"
 
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=NAMES)
 def test_what_is_handed_to_an_included_file_has_a_value(path: Path) -> None:
-    handed = [one for include in ElementTree.parse(path).getroot().iter("include") for one in include.findall("arg")]
+    handed = [
+        one
+        for include in ElementTree.parse(path).getroot().iter("include")
+        for one in include.findall("arg")
+    ]
     assert not [one.get("name") for one in handed if "value" not in one.attrib]
 
 
@@ -153,7 +170,11 @@ def test_every_program_is_a_function_of_a_module_that_exists() -> None:
 
 def _defines(module: str, function: str) -> bool:
     spec = importlib.util.find_spec(module)
-    return spec is not None and spec.origin is not None and f"def {function}(" in Path(spec.origin).read_text()
+    return (
+        spec is not None
+        and spec.origin is not None
+        and f"def {function}(" in Path(spec.origin).read_text()
+    )
 
 
 @pytest.mark.parametrize("config", ["pioneer", "pioneer.rviz", "/tmp/my own.rviz"])

@@ -6,7 +6,9 @@ from text_check import anchors, broken_links
 
 
 def test_a_link_to_a_missing_file_or_heading_is_named(tmp_path: Path) -> None:
-    (tmp_path / "one.md").write_text("# The `Top` of it\n[a](two.md) [b](#the-top-of-it) [c](#no) [d](https://x.org)\n")
+    (tmp_path / "one.md").write_text(
+        "# The `Top` of it\n[a](two.md) [b](#the-top-of-it) [c](#no) [d](https://x.org)\n"
+    )
     assert list(broken_links(tmp_path, ["one.md"])) == ["one.md: two.md", "one.md: #no"]
 
 

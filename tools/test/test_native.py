@@ -42,7 +42,9 @@ def both(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("both")
-def test_json_has_the_fleets_of_processes_and_the_computers_in_one_document(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_has_the_fleets_of_processes_and_the_computers_in_one_document(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert native.main(["status", "--json"]) == 0
     shown = json.loads(capsys.readouterr().out)
     assert [robot["robot"] for fleet in shown["fleets"] for robot in fleet["robots"]] == ["rover"]
@@ -75,7 +77,10 @@ def test_rviz_without_a_display_is_refused_with_the_command_for_a_picture(
     assert native.main(["rviz"]) == 1
     told = capsys.readouterr().err
     assert "DISPLAY is not set" in told
-    assert "ROS_MASTER_URI=http://localhost:11312 ./pioneer run rosrun pioneer_description rviz_snapshot" in told
+    assert (
+        "ROS_MASTER_URI=http://localhost:11312 ./pioneer run rosrun pioneer_description rviz_snapshot"
+        in told
+    )
 
 
 def test_a_reader_that_ends_early_gets_no_traceback() -> None:
@@ -83,7 +88,9 @@ def test_a_reader_that_ends_early_gets_no_traceback() -> None:
     piped = 'python3 -c "$0" | true; exit ${PIPESTATUS[0]}'
     folders = os.pathsep.join([str(Path(__file__).parent), *sys.path])
     words = ["bash", "-c", piped, program + "raise SystemExit(native.main(['status']))"]
-    done = subprocess.run(words, env={**os.environ, "PYTHONPATH": folders}, capture_output=True, check=False)
+    done = subprocess.run(
+        words, env={**os.environ, "PYTHONPATH": folders}, capture_output=True, check=False
+    )
     assert (done.returncode, done.stderr) == (1, b"")
 
 
@@ -108,6 +115,8 @@ def test_figures_that_are_no_longer_written_are_said_to_be_old(
 
 
 def test_nothing_of_a_status_file_controls_the_terminal() -> None:
-    text = native.fleet_table({**FLEET, "world": "\x1b]0;title\x07", "faults": ["\x9b31mred", "\u202egnirts"]})
+    text = native.fleet_table(
+        {**FLEET, "world": "\x1b]0;title\x07", "faults": ["\x9b31mred", "\u202egnirts"]}
+    )
     assert all(char.isprintable() or char == "\n" for char in text)
     assert "\\x1b]0;title" in text

@@ -22,7 +22,13 @@ def named() -> set[str]:
     fields = re.findall(r"^(?:Depends|Suggests): (.*)$", control, re.MULTILINE)
     own = {name.strip() for field in fields for name in field.split(",")}
     listed = re.split(r"^## ", (ROOT / "apt-packages.txt").read_text(), flags=re.MULTILINE)
-    return own.union(*(text.split("\n") for text in listed if text.startswith(tuple(f"{one}\n" for one in SECTIONS))))
+    return own.union(
+        *(
+            text.split("\n")
+            for text in listed
+            if text.startswith(tuple(f"{one}\n" for one in SECTIONS))
+        )
+    )
 
 
 def started(text: str) -> Iterator[str]:
@@ -47,10 +53,20 @@ def owners(program: str) -> set[str]:
 
 
 def test_programs_that_the_sources_start_are_of_packages_that_the_deb_names() -> None:
-    sources = [path for path in project_files() if path.suffix == ".py" and path.is_relative_to(ROOT / "catkin_ws/src")]
-    programs = {one for path in sources if "test" not in path.parts for one in started(path.read_text())}
+    sources = [
+        path
+        for path in project_files()
+        if path.suffix == ".py" and path.is_relative_to(ROOT / "catkin_ws/src")
+    ]
+    programs = {
+        one for path in sources if "test" not in path.parts for one in started(path.read_text())
+    }
     assert {"ip", "openssl", "ffmpeg"} <= programs
-    missing = {one: owners(one) for one in programs if owners(one) and not owners(one) & (named() | EVERYWHERE)}
+    missing = {
+        one: owners(one)
+        for one in programs
+        if owners(one) and not owners(one) & (named() | EVERYWHERE)
+    }
     assert missing == {}
 
 

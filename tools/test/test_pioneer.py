@@ -15,7 +15,9 @@ HANGS = 60
 
 
 def run(*command: str | Path | bytes, **options: object) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(command, capture_output=True, text=True, timeout=HANGS, check=False, **options)
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=HANGS, check=False, **options
+    )
 
 
 def copied(folder: Path) -> Path:
@@ -25,7 +27,9 @@ def copied(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", ["with space", "semi;colon", "col:on"])
-def test_a_checkout_where_cmake_cannot_build_is_refused_before_any_work(tmp_path: Path, name: str) -> None:
+def test_a_checkout_where_cmake_cannot_build_is_refused_before_any_work(
+    tmp_path: Path, name: str
+) -> None:
     (tmp_path / name).mkdir()
     done = run(copied(tmp_path / name), "demo")
     assert done.returncode == 1
@@ -55,7 +59,10 @@ def test_a_closed_standard_output_is_refused_in_one_line() -> None:
         ([b"--report", b"/tmp/caf\xe9"], "--report must be UTF-8, not b'/tmp/caf\\xe9'"),
         (["--report", "/proc/foo"], "--report: cannot create the folder /proc/foo"),
         (["--report", "/dev/null"], "--report must be a folder; /dev/null is a file"),
-        (["--video", "/nonexistent/run.mp4", "--report", "new"], "--video: there is no folder /nonexistent"),
+        (
+            ["--video", "/nonexistent/run.mp4", "--report", "new"],
+            "--video: there is no folder /nonexistent",
+        ),
     ],
 )
 def test_outputs_that_cannot_be_written_are_refused_before_anything_is_created(
@@ -73,10 +80,15 @@ def test_outputs_that_cannot_be_written_are_refused_before_anything_is_created(
     [
         (["replay", "none.bag"], "there is no recording none.bag"),
         (["run", "none"], "pioneer: run: there is no command 'none'"),
-        (["fleet", "--fleet", "none.yaml"], "cannot read the fleet file none.yaml: No such file or directory"),
+        (
+            ["fleet", "--fleet", "none.yaml"],
+            "cannot read the fleet file none.yaml: No such file or directory",
+        ),
     ],
 )
-def test_what_does_not_exist_is_named_in_a_sentence(tmp_path: Path, words: list[str], told: str) -> None:
+def test_what_does_not_exist_is_named_in_a_sentence(
+    tmp_path: Path, words: list[str], told: str
+) -> None:
     done = run(ROOT / "pioneer", *words, cwd=tmp_path)
     assert done.returncode != 0
     assert told in done.stderr

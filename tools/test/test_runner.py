@@ -15,7 +15,9 @@ from checks import Check, Count, TestCase
 @pytest.fixture
 def runner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """Returns the command with two stages of one check and one that cannot run here; it logs to the test's folder."""
-    spec = importlib.util.spec_from_file_location("runner", Path(checks.__file__).with_name("test.py"))
+    spec = importlib.util.spec_from_file_location(
+        "runner", Path(checks.__file__).with_name("test.py")
+    )
     assert spec
     assert spec.loader
     module = importlib.util.module_from_spec(spec)
@@ -34,7 +36,9 @@ def runner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     module.STAGES.clear()
     module.STAGES["lint"] = module.Stage(lambda: stage("ruff", ""))
     module.STAGES["unit"] = module.Stage(lambda: stage("harness/unit", ""))
-    module.STAGES["containers"] = module.Stage(lambda: stage("containers-fleet", "1 / 0"), need=need)
+    module.STAGES["containers"] = module.Stage(
+        lambda: stage("containers-fleet", "1 / 0"), need=need
+    )
     return module
 
 
@@ -45,12 +49,16 @@ def test_a_text_that_no_check_has_in_its_name_is_an_error_though_a_stage_is_skip
     assert tuple(capsys.readouterr()) == ("", "no check's name contains 'typo'\n")
 
 
-def test_a_text_of_another_stage_is_an_error(runner: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_text_of_another_stage_is_an_error(
+    runner: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert runner.main(["lint", "--only", "harness"]) == 2
     assert capsys.readouterr().err == "no check's name contains 'harness'\n"
 
 
-def test_only_stages_with_such_a_check_are_reported(runner: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+def test_only_stages_with_such_a_check_are_reported(
+    runner: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert runner.main(["--only", "harness"]) == 0
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["unit", "1"]
 
@@ -63,11 +71,15 @@ def test_a_stage_that_cannot_run_here_is_reported_as_skipped(
 
 
 @pytest.mark.parametrize("name", ["soak", "fuzz"])
-def test_what_takes_long_takes_no_stage(runner: ModuleType, capsys: pytest.CaptureFixture[str], name: str) -> None:
+def test_what_takes_long_takes_no_stage(
+    runner: ModuleType, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
     with pytest.raises(SystemExit) as ended:
         runner.main([f"--{name}", "unit"])
     assert ended.value.code == 2
-    assert capsys.readouterr().err.endswith(f"--{name} runs only what takes long: it takes no stage, not unit\n")
+    assert capsys.readouterr().err.endswith(
+        f"--{name} runs only what takes long: it takes no stage, not unit\n"
+    )
 
 
 def test_faults_of_a_swarm_run_only_where_they_are_asked_for(
@@ -79,12 +91,16 @@ def test_faults_of_a_swarm_run_only_where_they_are_asked_for(
         with pytest.raises(SystemExit) as ended:
             runner.arguments_from(words)
         assert ended.value.code == 2
-        assert capsys.readouterr().err.endswith("--swarm is for one stage: ./pioneer test containers --swarm\n")
+        assert capsys.readouterr().err.endswith(
+            "--swarm is for one stage: ./pioneer test containers --swarm\n"
+        )
     runner.arguments_from(["containers", "--swarm"])
     assert [check.name for check in runner.STAGES["containers"].checks()] == ["containers-swarm"]
 
 
-def test_two_runs_in_one_checkout_do_not_meet(runner: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+def test_two_runs_in_one_checkout_do_not_meet(
+    runner: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
     with runner.the_only_run():
         assert runner.main(["lint"]) == 2
     assert tuple(capsys.readouterr()) == ("", "another test run is under way in this checkout\n")
@@ -92,14 +108,18 @@ def test_two_runs_in_one_checkout_do_not_meet(runner: ModuleType, capsys: pytest
     assert str(Count(passed=1)) in capsys.readouterr().out
 
 
-def test_quick_chooses_the_stages_that_start_no_fleet(runner: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+def test_quick_chooses_the_stages_that_start_no_fleet(
+    runner: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert runner.arguments_from(["--quick"]).stages == ["lint", "types", "unit", "launch"]
     with pytest.raises(SystemExit):
         runner.arguments_from(["--quick", "unit"])
     assert "--quick chooses the stages itself" in capsys.readouterr().err
 
 
-def test_a_failed_check_says_how_to_repeat_it(runner: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_failed_check_says_how_to_repeat_it(
+    runner: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
     broken = Check("nav_bundle/unit", [sys.executable, "-c", "1 / 0"])
     runner.STAGES["unit"] = runner.Stage(lambda: iter([broken]))
     # The log's path is printed below the folder of the project.

@@ -11,7 +11,9 @@ ROW = {"robots": 5.0, "factor": 1.0, "cpu_s_a_sim_s": 1.0, "robot_cpu": 0.13}
 
 
 def test_each_figure_stands_beside_its_goal():
-    lines = scale.table([ROW, {**ROW, "robots": 15.0, "cpu_s_a_sim_s": 6.0, "factor": 0.89}]).splitlines()[2:]
+    lines = scale.table(
+        [ROW, {**ROW, "robots": 15.0, "cpu_s_a_sim_s": 6.0, "factor": 0.89}]
+    ).splitlines()[2:]
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
     found = {(robots, what): (value, goal, holds) for robots, what, value, _, goal, holds in cells}
     assert found["5", "real-time factor"] == ("1", "", "")
@@ -35,7 +37,9 @@ class Computers:
 
     def computers(self):
         places = {scale.BASE: "vm", "aadi1": "vm", "aadi2": "node1", "aadi3": "node2"}
-        return {name: Computer(name, "c", "running", "", {}, "i", node) for name, node in places.items()}
+        return {
+            name: Computer(name, "c", "running", "", {}, "i", node) for name, node in places.items()
+        }
 
     def execute(self, _computer, *command):
         assert "ServiceProxy" in command[-1]
@@ -56,7 +60,9 @@ class Computers:
 
 def test_figures_do_not_depend_on_how_long_the_questions_take(monkeypatch):
     computers = Computers(3)
-    monkeypatch.setattr(scale.time, "sleep", lambda seconds: setattr(computers, "wall", computers.wall + seconds))
+    monkeypatch.setattr(
+        scale.time, "sleep", lambda seconds: setattr(computers, "wall", computers.wall + seconds)
+    )
     row = scale.measure(computers, 3)
     assert row["factor"] == pytest.approx(0.5)
     assert row["cpu_s_a_sim_s"] == pytest.approx(2 * (0.3 + 3 * 0.1), rel=1e-3)
@@ -66,7 +72,9 @@ def test_figures_do_not_depend_on_how_long_the_questions_take(monkeypatch):
 
 
 def test_a_figure_of_only_one_of_two_fleets_leaves_the_others_cell_empty():
-    lines = scale.comparison({"robots": 6.0, "factor": 0.8}, {"robots": 6.0, "factor": 0.8, "far_trip_ms": 2.5})
+    lines = scale.comparison(
+        {"robots": 6.0, "factor": 0.8}, {"robots": 6.0, "factor": 0.8, "far_trip_ms": 2.5}
+    )
     assert lines.splitlines()[0] == "| 6 robots | unit | compose | swarm |"
     assert lines.splitlines()[2] == "| real-time factor |  | 0.8 | 0.8 |"
     assert lines.endswith("on two machines | ms |  | 2.5 |")

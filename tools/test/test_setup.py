@@ -15,10 +15,14 @@ HANGS = 120
 
 def run_bash(script: str, cwd: Path) -> "subprocess.CompletedProcess[str]":
     text = f'set -euo pipefail; root={cwd}; . "{ROOT}/tools/setup.bash"; {script}'
-    return subprocess.run(["bash", "-c", text], capture_output=True, text=True, cwd=cwd, timeout=HANGS, check=False)
+    return subprocess.run(
+        ["bash", "-c", text], capture_output=True, text=True, cwd=cwd, timeout=HANGS, check=False
+    )
 
 
-@pytest.mark.parametrize("release", ["ID=ubuntu\nVERSION_ID=24.04\n", "ID=debian\nVERSION_ID=11\n", ""])
+@pytest.mark.parametrize(
+    "release", ["ID=ubuntu\nVERSION_ID=24.04\n", "ID=debian\nVERSION_ID=11\n", ""]
+)
 def test_a_wrong_system_is_named_in_one_line(tmp_path: Path, release: str) -> None:
     (tmp_path / "os-release").write_text(release)
     result = run_bash(f"check_system {tmp_path}/os-release", tmp_path)
@@ -41,8 +45,13 @@ def test_both_debians_that_ship_ros_are_taken(tmp_path: Path, version: str) -> N
         ("cp: error writing: No space left on device", "the disk is full"),
     ],
 )
-def test_the_usual_causes_of_a_failed_step_are_reported_in_one_line(tmp_path: Path, said: str, told: str) -> None:
-    result = run_bash(f'fail() {{ echo "{said}"; return 1; }}; step "Installing" {tmp_path}/log/x.log fail', tmp_path)
+def test_the_usual_causes_of_a_failed_step_are_reported_in_one_line(
+    tmp_path: Path, said: str, told: str
+) -> None:
+    result = run_bash(
+        f'fail() {{ echo "{said}"; return 1; }}; step "Installing" {tmp_path}/log/x.log fail',
+        tmp_path,
+    )
     assert result.returncode == 1
     assert told in result.stderr
     assert result.stderr.count("\n") == 1
@@ -59,7 +68,9 @@ sys.stdin.readline()
 
 def test_set_up_waits_for_another_program_that_installs_packages(tmp_path: Path) -> None:
     lock = tmp_path / "lock-frontend"
-    with subprocess.Popen([sys.executable, "-c", LOCKER, lock], stdin=-1, stdout=-1, text=True) as other:
+    with subprocess.Popen(
+        [sys.executable, "-c", LOCKER, lock], stdin=-1, stdout=-1, text=True
+    ) as other:
         assert other.stdout is not None
         assert other.stdin is not None
         other.stdout.readline()
@@ -68,7 +79,9 @@ def test_set_up_waits_for_another_program_that_installs_packages(tmp_path: Path)
         assert f"({other.pid}) has held {lock} for 0 s" in late.stdout
         script = f"await_packages {tmp_path}/none {lock}; echo installed"
         text = f'root={tmp_path}; . "{ROOT}/tools/setup.bash"; {script}'
-        with subprocess.Popen(["bash", "-euo", "pipefail", "-c", text], stdout=-1, text=True) as waiting:
+        with subprocess.Popen(
+            ["bash", "-euo", "pipefail", "-c", text], stdout=-1, text=True
+        ) as waiting:
             assert waiting.stdout is not None
             assert f"({other.pid}), which installs packages" in waiting.stdout.readline()
             other.stdin.write("\n")
@@ -85,7 +98,10 @@ def test_a_full_disk_is_noticed_before_anything_is_installed(tmp_path: Path) -> 
 
 
 def test_an_unexpected_failure_shows_the_end_of_its_log(tmp_path: Path) -> None:
-    result = run_bash(f'fail() {{ echo "a clue"; return 1; }}; step "Building" {tmp_path}/log/x.log fail', tmp_path)
+    result = run_bash(
+        f'fail() {{ echo "a clue"; return 1; }}; step "Building" {tmp_path}/log/x.log fail',
+        tmp_path,
+    )
     assert result.returncode == 1
     assert "a clue" in result.stderr
 
@@ -96,7 +112,9 @@ def test_an_interrupted_environment_is_made_again(tmp_path: Path) -> None:
     (tmp_path / ".setup" / "venv" / "half").write_text("done")
     (tmp_path / "catkin_ws" / "src").mkdir(parents=True)
     built = "make_and_compile() { mkdir -p $workspace/devel; touch $workspace/devel/setup.bash; }"
-    result = run_bash(f"{built}; prepare_python_and_workspace; prepare_python_and_workspace", tmp_path)
+    result = run_bash(
+        f"{built}; prepare_python_and_workspace; prepare_python_and_workspace", tmp_path
+    )
     assert result.returncode == 0, result.stderr
     assert not (tmp_path / ".setup" / "venv" / "half").exists()
     assert result.stdout.count("done in") == 1
@@ -114,14 +132,27 @@ def test_an_interrupted_environment_is_made_again(tmp_path: Path) -> None:
         ("shell", {"plot", "network", "view"}),
     ],
 )
-def test_a_command_installs_only_the_sections_that_it_needs(tmp_path: Path, command: str, sections: set[str]) -> None:
+def test_a_command_installs_only_the_sections_that_it_needs(
+    tmp_path: Path, command: str, sections: set[str]
+) -> None:
     result = run_bash(f"sections_of {command}", tmp_path)
     assert set(result.stdout.split()) == sections, result.stderr
 
 
 def test_sections_of_commands_are_sections_of_the_lists(tmp_path: Path) -> None:
-    commands = ("demo --web --video x", "replay", "experiment", "bench", "test", "setup", "shell", "run rviz")
-    needed = run_bash("; ".join(f"sections_of {command}" for command in commands), tmp_path).stdout.split()
+    commands = (
+        "demo --web --video x",
+        "replay",
+        "experiment",
+        "bench",
+        "test",
+        "setup",
+        "shell",
+        "run rviz",
+    )
+    needed = run_bash(
+        "; ".join(f"sections_of {command}" for command in commands), tmp_path
+    ).stdout.split()
     lists = [(ROOT / name).read_text() for name in ("apt-packages.txt", "requirements.txt")]
     known = {line[3:] for text in lists for line in text.splitlines() if line.startswith("## ")}
     assert needed
@@ -131,12 +162,16 @@ def test_sections_of_commands_are_sections_of_the_lists(tmp_path: Path) -> None:
     assert everything | {"build", "run"} == known
 
 
-def test_xacro_finds_packages_though_the_environment_comes_first_on_the_path(tmp_path: Path) -> None:
+def test_xacro_finds_packages_though_the_environment_comes_first_on_the_path(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "robot.xacro").write_text(
         '<robot name="r" xmlns:xacro="http://ros.org/wiki/xacro"><link name="$(find pioneer_description)"/></robot>'
     )
     path = f"PATH={ROOT}/.setup/venv/bin:$PATH"
-    script = f"set +u; . {ROOT}/catkin_ws/devel/setup.bash; set -u; {path}; xacro {tmp_path}/robot.xacro"
+    script = (
+        f"set +u; . {ROOT}/catkin_ws/devel/setup.bash; set -u; {path}; xacro {tmp_path}/robot.xacro"
+    )
     result = run_bash(script, tmp_path)
     assert result.returncode == 0, result.stderr
     assert "/pioneer_description" in result.stdout

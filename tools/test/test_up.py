@@ -34,7 +34,9 @@ class FakeEngine:
     def project(self, name: str, **variables: str) -> "FakeProject":
         return FakeProject(self, variables)
 
-    def follow(self, asked: Sequence[tuple[Computer, Sequence[str]]], heard: Any) -> dict[str, bool]:
+    def follow(
+        self, asked: Sequence[tuple[Computer, Sequence[str]]], heard: Any
+    ) -> dict[str, bool]:
         for computer, words in asked:
             value = dict(zip(words[::2], words[1::2], strict=True))
             self.asked[computer.name] = (value["--until"], int(value["--waypoints"]))
@@ -63,9 +65,13 @@ class FakeProject:
 
     def run(self, *words: str) -> None:
         engine, variables = self._engine, self._variables
-        engine.composed.append((*words, *filter(None, variables.get("COMPOSE_PROFILES", "").split(","))))
+        engine.composed.append(
+            (*words, *filter(None, variables.get("COMPOSE_PROFILES", "").split(",")))
+        )
         there = {one.name: one for one in engine.computers}
-        numbers = sorted(int(text) for text in re.findall(r"^  aadi(\d+):", engine.file.read_text(), re.M))
+        numbers = sorted(
+            int(text) for text in re.findall(r"^  aadi(\d+):", engine.file.read_text(), re.M)
+        )
         named = [word for word in words if word.startswith("aadi")]
         for name in named or (BASE, *(f"aadi{number}" for number in numbers)):
             if name in there and (there[name].running or "--no-recreate" in words):
@@ -99,7 +105,9 @@ def names(*numbers: int) -> set[str]:
     return {f"aadi{number}" for number in numbers}
 
 
-def test_a_new_fleet_is_sent_on_a_tour(engine: FakeEngine, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_new_fleet_is_sent_on_a_tour(
+    engine: FakeEngine, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert engine.up() == 0
     assert engine.composed == [("up", "-d")]
     assert engine.asked == dict.fromkeys({BASE} | names(1, 2, 3, 4, 5), ("moving", 3))
@@ -119,7 +127,9 @@ def test_no_more_computers_start_at_once_than_the_processors_carry(
     assert "waiting for aadi6 … aadi11 to start, then for 4 more" in capsys.readouterr().out
 
 
-def test_without_waypoints_robots_have_to_be_ready(engine: FakeEngine, capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_waypoints_robots_have_to_be_ready(
+    engine: FakeEngine, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert engine.up("--robots 2 --waypoints 0") == 0
     assert engine.asked == dict.fromkeys({BASE} | names(1, 2), ("ready", 0))
     assert "2 robots are ready after" in capsys.readouterr().out
@@ -142,7 +152,9 @@ def test_the_fleet_page_is_announced_with_a_new_fleet_and_awaited_on_a_running_o
     assert engine.composed == [("up", "-d", "web", "desktop")]
     assert ["/8090" in line for line in engine.executed] == [False], "it waits for the world"
     assert re.search(
-        r"^Fleet page, once it is up: http://192\.168\.2\.100:8090/#\S{32}$", capsys.readouterr().out, re.M
+        r"^Fleet page, once it is up: http://192\.168\.2\.100:8090/#\S{32}$",
+        capsys.readouterr().out,
+        re.M,
     )
     assert engine.up("--web") == 0
     assert engine.composed == [("up", "-d", "--no-recreate", "web")]
@@ -157,7 +169,9 @@ def test_of_a_running_fleet_only_those_that_join_are_sent_and_awaited_moving(
     assert engine.up("--robots 7") == 0
     running = dict.fromkeys({BASE} | names(1, 2, 3, 4, 5), ("ready", 0))
     assert engine.asked == {**running, **dict.fromkeys(names(6, 7), ("moving", 3))}
-    assert [text for text in engine.executed if "generic_pioneer" in text and "name:=pioneer7" in text]
+    assert [
+        text for text in engine.executed if "generic_pioneer" in text and "name:=pioneer7" in text
+    ]
     assert len([text for text in engine.executed if text.endswith("flip-from-hub 7")]) == 1
     assert "2 more robots drive after" in capsys.readouterr().out
 
@@ -168,10 +182,15 @@ def test_a_fleet_that_runs_as_it_is_asked_for_is_left_alone(
     engine.up("--robots 7 --world closed_maze")
     assert engine.up() == 0
     assert set(engine.asked.values()) == {("ready", 0)}
-    assert "7 robots, which ran already and are sent nowhere, are ready after" in capsys.readouterr().out
+    assert (
+        "7 robots, which ran already and are sent nowhere, are ready after"
+        in capsys.readouterr().out
+    )
 
 
-def test_a_robot_whose_computer_was_late_and_one_whose_world_began_again_elsewhere_join(engine: FakeEngine) -> None:
+def test_a_robot_whose_computer_was_late_and_one_whose_world_began_again_elsewhere_join(
+    engine: FakeEngine,
+) -> None:
     """Their computers were already running, so `up` did not spawn the robots in the world and no odometry came."""
     engine.up("--robots 2")
     engine.up("--robots 3")
@@ -182,7 +201,9 @@ def test_a_robot_whose_computer_was_late_and_one_whose_world_began_again_elsewhe
     assert not engine.executed
 
 
-def test_robots_of_an_interrupted_up_are_added_by_the_next(engine: FakeEngine, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_robots_of_an_interrupted_up_are_added_by_the_next(
+    engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
     engine.up("--robots 2")
     ended = []
 
@@ -213,10 +234,15 @@ def test_a_fleet_keeps_its_subnet_in_a_shell_without_the_variable(
     monkeypatch.setenv(SUBNET, "10.1.3")
     capsys.readouterr()
     assert engine.up("--robots 4") == 1
-    assert "PIONEER_SUBNET is 10.1.3, and a fleet runs in 10.1.2: ./pioneer down first" in capsys.readouterr().err
+    assert (
+        "PIONEER_SUBNET is 10.1.3, and a fleet runs in 10.1.2: ./pioneer down first"
+        in capsys.readouterr().err
+    )
 
 
-def test_an_empty_password_that_a_full_disk_left_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_empty_password_that_a_full_disk_left_is_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(state, "STATE", tmp_path)
     (tmp_path / "hub-password").touch()
     password = state.secret("hub-password").read_text()
@@ -233,7 +259,9 @@ def test_a_full_disk_leaves_no_password(tmp_path: Path, monkeypatch: pytest.Monk
 
     with monkeypatch.context() as disk:
         disk.setattr(Path, "write_text", full)
-        with pytest.raises(ContainerError, match=r"cannot write .*hub-password: No space left on device"):
+        with pytest.raises(
+            ContainerError, match=r"cannot write .*hub-password: No space left on device"
+        ):
             state.secret("hub-password")
     assert list(tmp_path.iterdir()) == []
     assert state.secret("hub-password").read_text().strip()
@@ -262,7 +290,9 @@ def test_the_file_has_every_robot_there_is_and_a_call_that_is_refused_leaves_it(
         assert engine.up(line) == 1
         assert engine.composed == []
         assert engine.file.read_text() == before
-    assert "pioneer: there is a fleet of 7 robots: ./pioneer down first\n" in capsys.readouterr().err
+    assert (
+        "pioneer: there is a fleet of 7 robots: ./pioneer down first\n" in capsys.readouterr().err
+    )
     engine.up()
     assert engine.file.read_text() == before
 
@@ -275,7 +305,9 @@ def test_a_fleet_that_has_ended_comes_back_as_it_was(engine: FakeEngine) -> None
     assert engine.asked == dict.fromkeys({BASE} | names(1, 2, 3, 4, 5, 6), ("moving", 3))
 
 
-def test_steps_are_never_started_on_an_idle_fleet(engine: FakeEngine, capsys: pytest.CaptureFixture[str]) -> None:
+def test_steps_are_never_started_on_an_idle_fleet(
+    engine: FakeEngine, capsys: pytest.CaptureFixture[str]
+) -> None:
     engine.up("--idle")
     for line in ("", "--robots 7", "--robots 7 --desktop"):
         assert engine.up(line) == 1
@@ -300,7 +332,9 @@ def test_a_desktop_joins_an_idle_fleet_whose_steps_were_typed(engine: FakeEngine
     engine.up("--idle")
     assert engine.up("--desktop") == 0
     assert engine.composed == [("up", "-d", "--no-recreate", "desktop")]
-    assert ["/dev/tcp/$HOSTNAME/6080" in line for line in engine.executed] == [True], "its page is waited for"
+    assert ["/dev/tcp/$HOSTNAME/6080" in line for line in engine.executed] == [True], (
+        "its page is waited for"
+    )
     assert engine.asked == {}
 
 
@@ -329,7 +363,11 @@ def test_idle_computers_join_a_running_world_and_are_not_waited_for(
     ],
 )
 def test_what_no_world_has_is_one_line_before_an_image_is_built(
-    engine: FakeEngine, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], line: str, said: str
+    engine: FakeEngine,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    line: str,
+    said: str,
 ) -> None:
     monkeypatch.setattr(image, "ensure_image", lambda *_: pytest.fail("an image is built"))
     assert engine.up(line) == 1
@@ -339,11 +377,15 @@ def test_what_no_world_has_is_one_line_before_an_image_is_built(
     assert not engine.file.exists()
 
 
-def test_help_states_how_many_robots_the_worlds_have_places_for(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_states_how_many_robots_the_worlds_have_places_for(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert places_here()["utm_0"] == 15
     with pytest.raises(SystemExit):
         main(["up", "--help"])
-    assert "at most 15 (6 in small_world, 6 in small_world_people)" in " ".join(capsys.readouterr().out.split())
+    assert "at most 15 (6 in small_world, 6 in small_world_people)" in " ".join(
+        capsys.readouterr().out.split()
+    )
 
 
 @pytest.mark.parametrize(
@@ -351,10 +393,22 @@ def test_help_states_how_many_robots_the_worlds_have_places_for(capsys: pytest.C
     [
         (5, None, None, 1.0, ""),
         (13, None, None, 1.0, ""),
-        (15, None, None, 0.9, "2 processors sustain 15 robots at a real-time factor of 0.9 (--rtf R sets another)"),
+        (
+            15,
+            None,
+            None,
+            0.9,
+            "2 processors sustain 15 robots at a real-time factor of 0.9 (--rtf R sets another)",
+        ),
         (15, 1.0, None, 1.0, ""),
         (2, 0.0, None, 0.0, ""),
-        (15, None, "1", 1.0, "2 processors sustain 15 robots at a real-time factor of 0.9; the world that runs has 1"),
+        (
+            15,
+            None,
+            "1",
+            1.0,
+            "2 processors sustain 15 robots at a real-time factor of 0.9; the world that runs has 1",
+        ),
         (10, None, "0.5", 0.5, ""),
         (2, 0.5, "0.5", 0.5, ""),
     ],
@@ -362,7 +416,11 @@ def test_help_states_how_many_robots_the_worlds_have_places_for(capsys: pytest.C
 def test_the_world_is_as_fast_as_the_processors_carry_unless_told(
     robots: int, rtf: float | None, running: str | None, factor: float, said: str
 ) -> None:
-    base = Computer("aadiworkstation", "c", "running", "", {"REAL_TIME_FACTOR": running}, "i") if running else None
+    base = (
+        Computer("aadiworkstation", "c", "running", "", {"REAL_TIME_FACTOR": running}, "i")
+        if running
+        else None
+    )
     assert choose_factor(rtf, robots, 2.0, base) == (factor, said)
 
 
@@ -373,7 +431,11 @@ def test_the_world_is_as_fast_as_the_processors_carry_unless_told(
 def test_the_world_runs_in_lockstep_where_that_is_its_factor(
     rtf: float | str | None, running: str | None, pace: str
 ) -> None:
-    base = Computer("aadiworkstation", "c", "running", "", {"REAL_TIME_FACTOR": running}, "i") if running else None
+    base = (
+        Computer("aadiworkstation", "c", "running", "", {"REAL_TIME_FACTOR": running}, "i")
+        if running
+        else None
+    )
     assert choose_pace(rtf, 2, 2.0, base, False) == (pace, "")
 
 
@@ -393,8 +455,14 @@ def test_a_world_stays_in_lockstep_or_out_of_it_with_its_robots(
         choose_pace(rtf, 3, 2.0, base, True)
 
 
-@pytest.mark.parametrize(("rtf", "running", "why"), [(-1.0, None, "0 .* or more"), (0.5, "1", "down first")])
+@pytest.mark.parametrize(
+    ("rtf", "running", "why"), [(-1.0, None, "0 .* or more"), (0.5, "1", "down first")]
+)
 def test_a_factor_that_cannot_be_is_refused(rtf: float, running: str | None, why: str) -> None:
-    base = Computer("aadiworkstation", "c", "running", "", {"REAL_TIME_FACTOR": running}, "i") if running else None
+    base = (
+        Computer("aadiworkstation", "c", "running", "", {"REAL_TIME_FACTOR": running}, "i")
+        if running
+        else None
+    )
     with pytest.raises(ContainerError, match=why):
         choose_factor(rtf, 5, 2.0, base)

@@ -41,9 +41,23 @@ class Errand:
     def __init__(self, computer: Computer, places: Sequence[tuple[float, float]]) -> None:
         self.name, self._count, self._computer = computer.name, len(places), computer
         self._began = time.time()
-        words = ["--until", "ready", "--timeout", f"{PATIENCE:g}", *(f"--to={x},{y}" for x, y in places)]
+        words = [
+            "--until",
+            "ready",
+            "--timeout",
+            f"{PATIENCE:g}",
+            *(f"--to={x},{y}" for x, y in places),
+        ]
         self._process = subprocess.Popen(
-            [*computer.docker, "exec", computer.container, *REPORT, "--robot", computer.robot, *words],
+            [
+                *computer.docker,
+                "exec",
+                computer.container,
+                *REPORT,
+                "--robot",
+                computer.robot,
+                *words,
+            ],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -116,7 +130,9 @@ class Errand:
             "12",
             self._computer.container,
         ]
-        said = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+        said = subprocess.run(
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
+        )
         return f"{self.name}: {report}\n{said.stdout}"
 
     def abandon(self) -> None:
@@ -137,7 +153,10 @@ class Errands:
         """Sends robots on their rounds or a ``part`` of them, first to a wall if ``wall``; returns once all drive."""
         computers = self.fleet.computers()
         errands = {
-            number: Errand(computers[f"aadi{number}"], [*([WALLS[number]] if wall else []), *ROUNDS[number][part]])
+            number: Errand(
+                computers[f"aadi{number}"],
+                [*([WALLS[number]] if wall else []), *ROUNDS[number][part]],
+            )
             for number in numbers
         }
         self.sent += errands.values()

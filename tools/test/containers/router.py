@@ -25,7 +25,9 @@ class Network:
 class Router:
     """A container in both networks. Routes and rules exist only in containers, so they disappear with them."""
 
-    def __init__(self, container: str, networks: tuple[Network, Network], ports: Sequence[int]) -> None:
+    def __init__(
+        self, container: str, networks: tuple[Network, Network], ports: Sequence[int]
+    ) -> None:
         self._pid, self._networks = _pid(container), networks
         self._rules("-P", "FORWARD", "DROP")
         for direction in ("--dports", "--sports"):
@@ -39,7 +41,9 @@ class Router:
     def join(self, container: str, network: Network) -> None:
         """Adds a route to the other network to a container of ``network``."""
         (other,) = (one for one in self._networks if one != network)
-        _inside(_pid(container), "ip", "route", "add", f"{other.subnet}.0/24", "via", network.router)
+        _inside(
+            _pid(container), "ip", "route", "add", f"{other.subnet}.0/24", "via", network.router
+        )
 
     def packets(self, target: str) -> int:
         """Returns how many packets the router has forwarded (ACCEPT) or dropped (DROP)."""
@@ -48,7 +52,9 @@ class Router:
 
 
 @contextlib.contextmanager
-def router(name: str, image: str, networks: tuple[Network, Network], ports: Sequence[int]) -> Iterator[Router]:
+def router(
+    name: str, image: str, networks: tuple[Network, Network], ports: Sequence[int]
+) -> Iterator[Router]:
     """Yields a router and removes it at the end; first removes one left by an interrupted run."""
     remove = ["docker", "rm", "-f", name]
     subprocess.run(remove, capture_output=True, check=False)

@@ -19,8 +19,21 @@ class Shell:
 
     def __init__(self, container: str) -> None:
         master, slave = pty.openpty()
-        command = ["docker", "exec", "-it", container, "env", "PS1=<shell $?>$ ", "bash", "--norc", "--noediting", "-i"]
-        self._process = subprocess.Popen(command, stdin=slave, stdout=slave, stderr=slave, start_new_session=True)
+        command = [
+            "docker",
+            "exec",
+            "-it",
+            container,
+            "env",
+            "PS1=<shell $?>$ ",
+            "bash",
+            "--norc",
+            "--noediting",
+            "-i",
+        ]
+        self._process = subprocess.Popen(
+            command, stdin=slave, stdout=slave, stderr=slave, start_new_session=True
+        )
         os.close(slave)
         self._master, self._changed = master, threading.Condition()
         #: text: everything that the terminal has shown
@@ -65,7 +78,9 @@ class Shell:
     def shows(self, words: str, timeout: float = PATIENCE) -> None:
         """Waits until the last command has shown ``words``; fails if the command ends or the time is up before."""
         with self._changed:
-            self._changed.wait_for(lambda: words in self.text[self._typed :] or self._is_idle(), timeout)
+            self._changed.wait_for(
+                lambda: words in self.text[self._typed :] or self._is_idle(), timeout
+            )
             shown = self.text[self._typed :]
             assert words in shown, f"no {words!r} in:\n{shown[-3000:]}"
 

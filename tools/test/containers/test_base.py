@@ -27,11 +27,21 @@ def test_where_no_registry_answers_the_base_image_is_made_with_debootstrap(no_im
     assert made.returncode == 0, made.stdout[-2000:] + made.stderr
     assert "connection refused); making it with debootstrap" in made.stdout
     said = output(
-        "docker", "run", "--rm", IMAGE, "sh", "-c", ". /etc/os-release; echo $ID $VERSION_ID; cat /etc/apt/sources.list"
+        "docker",
+        "run",
+        "--rm",
+        IMAGE,
+        "sh",
+        "-c",
+        ". /etc/os-release; echo $ID $VERSION_ID; cat /etc/apt/sources.list",
     )
     system, *sources = said.splitlines()
     assert system == "debian 12"
-    assert [line.split()[2] for line in sources] == ["bookworm", "bookworm-updates", "bookworm-security"]
+    assert [line.split()[2] for line in sources] == [
+        "bookworm",
+        "bookworm-updates",
+        "bookworm-security",
+    ]
     assert int(output("docker", "image", "inspect", "-f", "{{.Size}}", IMAGE)) < 100e6
     again = subprocess.run([BASE, IMAGE], capture_output=True, text=True, timeout=60, check=False)
     assert (again.returncode, again.stdout) == (0, ""), "the image exists"

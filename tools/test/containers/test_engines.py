@@ -21,7 +21,9 @@ ADDRESS = "127.0.0.1:9"
 @pytest.fixture(scope="module")
 def host() -> Iterator[Host]:
     if os.geteuid() != 0 or is_in_swarm():
-        pytest.skip("a swarm of engines in network namespaces needs root, and an engine that is in no swarm")
+        pytest.skip(
+            "a swarm of engines in network namespaces needs root, and an engine that is in no swarm"
+        )
     with swarm_here(1) as (made,):
         made.join()
         yield made
@@ -51,7 +53,14 @@ def test_a_registry_that_does_not_answer_is_reported_in_one_line(on_swarm: Fleet
     try:
         said = on_swarm.refused("up", "--swarm", "--robots", "2", "--registry", ADDRESS)
     finally:
-        tags = output("docker", "images", "--filter", f"reference={ADDRESS}/*", "--format", "{{.Repository}}:{{.Tag}}")
+        tags = output(
+            "docker",
+            "images",
+            "--filter",
+            f"reference={ADDRESS}/*",
+            "--format",
+            "{{.Repository}}:{{.Tag}}",
+        )
         output("docker", "rmi", *tags.split())
     assert re.search(rf"docker push .*failed: .*{ADDRESS}.*refused", said), said
 

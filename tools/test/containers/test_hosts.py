@@ -28,7 +28,9 @@ def start(made: Fleet, *computers: str, **variables: str) -> None:
         "PIONEER_DESKTOP_TOKEN_FILE": str(secret("desktop-token")),
     }
     shared = {**files, "PIONEER_ROBOTS": "2", **variables}
-    Project(made.project, tuple(compose_command()), COMPOSE, {**made.environment, **shared}).run("up", "-d", *computers)
+    Project(made.project, tuple(compose_command()), COMPOSE, {**made.environment, **shared}).run(
+        "up", "-d", *computers
+    )
 
 
 class Hosts:

@@ -14,7 +14,8 @@ PROJECT, SUBNET = "pioneer-test-lockstep", "10.88.9"
 GOALS = {1: (-4.0, 1.5, 0.0), 2: (1.5, 1.3, 3.0)}
 """Goal of each robot. Its client loads it from a file, so that it is known before time starts."""
 TRUTH = (
-    "until rostopic list >/dev/null 2>&1; do sleep 0.2; done; exec rostopic echo -p /pioneer{}/base_pose_ground_truth"
+    "until rostopic list >/dev/null 2>&1; do sleep 0.2; done; "
+    "exec rostopic echo -p /pioneer{}/base_pose_ground_truth"
 )
 
 
@@ -72,7 +73,9 @@ def write_fleet(folder: Path) -> None:
         block = f"    hostname: aadi{number}\n"
         assert block in text
         text = text.replace(block, f"{block}    volumes: ['{own}:/goals']\n")
-    text, count = re.subn("^  REAL_TIME_FACTOR:", "  WAYPOINT_QUEUE_FILE: /goals/queue.json\n\\g<0>", text, flags=re.M)
+    text, count = re.subn(
+        "^  REAL_TIME_FACTOR:", "  WAYPOINT_QUEUE_FILE: /goals/queue.json\n\\g<0>", text, flags=re.M
+    )
     assert count == 1
     file = written_compose(PROJECT)
     file.parent.mkdir(parents=True, exist_ok=True)

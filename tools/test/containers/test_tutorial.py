@@ -32,7 +32,11 @@ LINES = {
     "1": ["hub 'Pioneer Hub' on port 6380", "on hub 'Pioneer Hub'", "as 'Hub_Gateway'"],
     "2a": ["on hub 'Pioneer Hub'", "as 'aadi1_gateway'"],
     "2b": ["on hub 'Pioneer Hub'", "as 'aadi2_gateway'"],
-    "3": ["starting utm_0 with 2 robots", "2 robots stand in utm_0", "topics are advertised and flipped"],
+    "3": [
+        "starting utm_0 with 2 robots",
+        "2 robots stand in utm_0",
+        "topics are advertised and flipped",
+    ],
     "4a": ["starting the navigation of {a}", "topics are pulled and flipped", "odom received!"],
     "4b": ["starting the navigation of {b}", "topics are pulled and flipped", "odom received!"],
     "5": ["process[rviz-"],
@@ -47,14 +51,26 @@ def idle() -> Iterator[Fleet]:
     """Yields a base station with a screen and the computers of two robots, all of them idle."""
     with fleet("pioneer-tutorial", "10.88.8") as made:
         made.pioneer("up", "--robots", "2", "--idle")
-        output("docker", "exec", "-d", made.container(BASE), "Xvfb", ":1", "-screen", "0", "1024x768x24")
+        output(
+            "docker",
+            "exec",
+            "-d",
+            made.container(BASE),
+            "Xvfb",
+            ":1",
+            "-screen",
+            "0",
+            "1024x768x24",
+        )
         yield made
 
 
 @pytest.mark.parametrize(
     ("order", "endings", "held", "robots"),
     [
-        pytest.param(DOCUMENTED, ["4a", "4b", "5", "3", "2a", "2b", "1"], True, {}, id="as-documented"),
+        pytest.param(
+            DOCUMENTED, ["4a", "4b", "5", "3", "2a", "2b", "1"], True, {}, id="as-documented"
+        ),
         pytest.param(DOCUMENTED[::-1], DOCUMENTED, False, {}, id="reversed-and-the-hub-ends-first"),
         pytest.param(
             ["3", "4a", "1", "2b", "5", "4b", "2a"],
@@ -70,7 +86,10 @@ def test_the_steps_in_any_order(
 ) -> None:
     names = {"a": "pioneer1", "b": "pioneer2", **robots}
     with ExitStack() as stack:
-        shells = {step: stack.enter_context(closing(Shell(idle.container(STEPS[step][0])))) for step in order}
+        shells = {
+            step: stack.enter_context(closing(Shell(idle.container(STEPS[step][0]))))
+            for step in order
+        }
         shells["5"].run("export DISPLAY=:1")
         for letter, name in robots.items():
             for step in (f"2{letter}", f"4{letter}"):
@@ -89,7 +108,9 @@ def test_the_steps_in_any_order(
         for trouble in ("Traceback", "core dumped", "Exception"):
             assert trouble not in shell.text, f"{STEPS[step]}:\n{shell.text}"
     for computer in (BASE, "aadi1", "aadi2"):
-        left = idle.execute(computer, "bash", "-c", "pgrep -af '[c]atkin_ws|[r]os|[r]edis|[r]viz' || true")
+        left = idle.execute(
+            computer, "bash", "-c", "pgrep -af '[c]atkin_ws|[r]os|[r]edis|[r]viz' || true"
+        )
         assert not left, f"left on {computer}:\n{left}"
 
 
@@ -110,7 +131,11 @@ def shows(shell: Shell, step: str, names: dict[str, str]) -> None:
 def drive(idle: Fleet, stack: ExitStack, robot: str, navigation: Shell) -> None:
     """Sends a robot to a goal as documented, and waits until it arrives."""
     person = stack.enter_context(closing(Shell(idle.container("aadi1"))))
-    person.run(f"rostopic pub -1 /{robot}/map_goal geometry_msgs/Twist '[{HERE[robot]}, 0.0]' '[0.0, 0.0, 90.0]'")
+    person.run(
+        f"rostopic pub -1 /{robot}/map_goal geometry_msgs/Twist '[{HERE[robot]}, 0.0]' '[0.0, 0.0, 90.0]'"
+    )
     navigation.shows("reached waypoint 1")
     # Gateway rules refer to RViz's node by name.
-    wait_until(lambda: "/rviz" in idle.execute(BASE, "rosnode", "list").split(), "RViz's node", PATIENCE)
+    wait_until(
+        lambda: "/rviz" in idle.execute(BASE, "rosnode", "list").split(), "RViz's node", PATIENCE
+    )

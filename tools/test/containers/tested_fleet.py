@@ -24,7 +24,9 @@ class Fleet(harness.Fleet):
     def refused(self, *words: str, **variables: str) -> str:
         """Runs ``./pioneer``, expects it to fail, and returns its one-line error message."""
         environment = {**self.environment, **variables}
-        done = subprocess.run([ROOT / "pioneer", *words], env=environment, capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            [ROOT / "pioneer", *words], env=environment, capture_output=True, text=True, check=False
+        )
         assert done.returncode == 1, done.stdout + done.stderr
         (line,) = done.stderr.splitlines()
         return line
@@ -46,7 +48,9 @@ class Fleet(harness.Fleet):
         """
         one = self.computers()[computer]
         words = [*one.docker, "exec", one.container, *command]
-        with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        with subprocess.Popen(
+            words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        ) as process:
 
             def result() -> str:
                 said, _ = process.communicate(timeout=PATIENCE)
@@ -60,7 +64,14 @@ class Fleet(harness.Fleet):
 
     def network(self, verb: str, computer: str, *words: str) -> None:
         """Runs ``docker network VERB WORDS`` for a computer and the shared network."""
-        output("docker", "network", verb, *words, f"{self.project}_aadi.robots", self.container(computer))
+        output(
+            "docker",
+            "network",
+            verb,
+            *words,
+            f"{self.project}_aadi.robots",
+            self.container(computer),
+        )
 
     def send(self, number: int, x: float, y: float, heading: float = 0.0) -> None:
         """Sends a waypoint in the way that the tutorial documents."""
@@ -74,7 +85,10 @@ class Fleet(harness.Fleet):
         one = self.computers()[computer]
         command = [*one.docker, "exec", one.container, *REPORT, "--robot", one.robot]
         done = subprocess.run(
-            [*command, "--settled", "--timeout", f"{timeout:g}", *words], capture_output=True, text=True, check=False
+            [*command, "--settled", "--timeout", f"{timeout:g}", *words],
+            capture_output=True,
+            text=True,
+            check=False,
         )
         last = json.loads(done.stdout.splitlines()[-1]) if done.stdout.strip() else {}
         assert done.returncode == 0, f"{computer}: {last or done.stderr[-2000:]}\n{self.logs()}"

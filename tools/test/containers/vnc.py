@@ -82,7 +82,9 @@ class Screen:
             x, y, width, height, encoding = struct.unpack(">HHHHi", self._read(12))
             if encoding != _RAW:
                 raise VncError(f"a picture in encoding {encoding}, which was not asked for")
-            pixels = np.frombuffer(self._read(4 * width * height), np.uint8).reshape(height, width, 4)
+            pixels = np.frombuffer(self._read(4 * width * height), np.uint8).reshape(
+                height, width, 4
+            )
             image[y : y + height, x : x + width] = pixels[..., 2::-1]
         return True
 
@@ -99,5 +101,10 @@ class Screen:
     def __enter__(self) -> "Screen":
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        at: TracebackType | None,
+    ) -> None:
         self._socket.close()

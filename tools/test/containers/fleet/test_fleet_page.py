@@ -23,16 +23,28 @@ def page(driving: Fleet) -> Iterator[tuple[str, str]]:
     found = re.search(r"^Fleet page, once it is up: (http://\S+)/#(\S+)$", said, re.M)
     assert found, said
     yield found[1], found[2]
-    labels = f"label=com.docker.compose.project={driving.project}", f"label=com.docker.compose.service={WEB}"
+    labels = (
+        f"label=com.docker.compose.project={driving.project}",
+        f"label=com.docker.compose.service={WEB}",
+    )
     # The killed page leaves rules and publishers behind; tests of `up` that run later must not wait for them.
-    output("docker", "rm", "-f", output("docker", "ps", "-aq", "--filter", labels[0], "--filter", labels[1]).strip())
+    output(
+        "docker",
+        "rm",
+        "-f",
+        output("docker", "ps", "-aq", "--filter", labels[0], "--filter", labels[1]).strip(),
+    )
 
 
 def test_the_page_shows_five_robots_and_what_their_computers_do(page: tuple[str, str]) -> None:
     url, token = page
-    with urllib.request.urlopen(urllib.request.Request(f"{url}/login", token.encode()), timeout=PATIENCE) as answer:
+    with urllib.request.urlopen(
+        urllib.request.Request(f"{url}/login", token.encode()), timeout=PATIENCE
+    ) as answer:
         cookie = answer.headers["Set-Cookie"].partition(";")[0]
-    live = websocket.create_connection(url.replace("http", "ws") + "/live", timeout=PATIENCE, cookie=cookie)
+    live = websocket.create_connection(
+        url.replace("http", "ws") + "/live", timeout=PATIENCE, cookie=cookie
+    )
     state: dict[str, object] = {}
 
     def shown() -> bool:
@@ -40,13 +52,16 @@ def test_the_page_shows_five_robots_and_what_their_computers_do(page: tuple[str,
         rows = [state.get(f"pioneer{number}.row") for number in range(1, 6)]
         # An age of odometry may be 0.0.
         return all(
-            isinstance(row, dict) and row["odom"] is not None and row["load"] and not row["fault"] for row in rows
+            isinstance(row, dict) and row["odom"] is not None and row["load"] and not row["fault"]
+            for row in rows
         )
 
     try:
         wait_until(shown, "five robots without a fault, and the load of their computers", PATIENCE)
     except WaitError as error:
-        raise AssertionError([state.get(f"pioneer{number}.row") for number in range(1, 6)]) from error
+        raise AssertionError(
+            [state.get(f"pioneer{number}.row") for number in range(1, 6)]
+        ) from error
     finally:
         live.close()
 

@@ -30,21 +30,35 @@ def test_status_has_a_row_for_each_computer_with_its_robots_state(driving: Fleet
         return all("drives" in row or "1/1" in row for row in rows[1:])
 
     wait_until(drive_or_have_arrived, "every robot under way or there", PATIENCE)
-    assert [row[0] for row in rows] == ["aadiworkstation", *(f"aadi{number}" for number in range(1, 6))]
+    assert [row[0] for row in rows] == [
+        "aadiworkstation",
+        *(f"aadi{number}" for number in range(1, 6)),
+    ]
 
 
 def listeners(fleet: Fleet, computer: str) -> set[int]:
     """Returns the TCP ports on which a computer accepts connections from others."""
-    lines = (line.split() for line in fleet.execute(computer, "cat", "/proc/net/tcp").splitlines()[1:])
+    lines = (
+        line.split() for line in fleet.execute(computer, "cat", "/proc/net/tcp").splitlines()[1:]
+    )
     found = [words[1].split(":") for words in lines if words[3] == "0A"]
-    addresses = ((socket.inet_ntoa(struct.pack("<I", int(address, 16))), int(port, 16)) for address, port in found)
+    addresses = (
+        (socket.inet_ntoa(struct.pack("<I", int(address, 16))), int(port, 16))
+        for address, port in found
+    )
     return {port for address, port in addresses if not address.startswith("127.")}
 
 
 @pytest.mark.parametrize("computer", ["aadiworkstation", "aadi1"])
 def test_other_computers_reach_the_hub_and_the_relay_only(driving: Fleet, computer: str) -> None:
-    masters = [f"http://localhost:{port}" for port in ((11311, 11312) if computer == "aadiworkstation" else (11311,))]
-    lists = [driving.execute(computer, "env", f"ROS_MASTER_URI={uri}", "rosnode", "list", "-a") for uri in masters]
+    masters = [
+        f"http://localhost:{port}"
+        for port in ((11311, 11312) if computer == "aadiworkstation" else (11311,))
+    ]
+    lists = [
+        driving.execute(computer, "env", f"ROS_MASTER_URI={uri}", "rosnode", "list", "-a")
+        for uri in masters
+    ]
     nodes = [line.split() for line in "\n".join(lists).splitlines() if line]
     assert nodes
     assert all(uri.startswith("http://127.0.0.1:") for uri, _ in nodes), nodes

@@ -30,12 +30,16 @@ def errands(driving: Fleet) -> Iterator[Errands]:
 def at_home(driving: Fleet) -> None:
     """Drops the waypoints that robots were sent to earlier, so that they turn back."""
     for number in ALL:
-        driving.execute(f"aadi{number}", "rosservice", "call", f"/pioneer{number}/map_goal_client/clear")
+        driving.execute(
+            f"aadi{number}", "rosservice", "call", f"/pioneer{number}/map_goal_client/clear"
+        )
 
 
 def speed(fleet: Fleet, number: int) -> float:
     """Returns a robot's speed in the simulator [m/s]."""
-    said = fleet.execute(BASE, "rosservice", "call", "/gazebo/get_model_state", f"{{model_name: pioneer{number}}}")
+    said = fleet.execute(
+        BASE, "rosservice", "call", "/gazebo/get_model_state", f"{{model_name: pioneer{number}}}"
+    )
     x, y = (float(word) for word in re.findall(r"linear:\s*x: (\S+)\s*y: (\S+)", said)[0])
     return float((x * x + y * y) ** 0.5)
 
@@ -43,7 +47,9 @@ def speed(fleet: Fleet, number: int) -> float:
 def stands(fleet: Fleet, *numbers: int) -> None:
     """Waits until robots that are no longer commanded have stopped."""
     for number in numbers:
-        wait_until(lambda n=number: speed(fleet, n) < 0.01, f"standstill of robot {number}", PATIENCE)
+        wait_until(
+            lambda n=number: speed(fleet, n) < 0.01, f"standstill of robot {number}", PATIENCE
+        )
 
 
 def started(fleet: Fleet, computer: str) -> str:
@@ -90,9 +96,17 @@ def test_nobody_notices_that_redis_and_then_the_hub_are_killed(errands: Errands)
     before = started(fleet, BASE)
     said = fleet.docker("logs", BASE).count("hub 'Pioneer Hub' on port")
     fleet.execute(BASE, "pkill", "-KILL", "redis-server")
-    wait_until(lambda: fleet.docker("logs", BASE).count("hub 'Pioneer Hub' on port") == said + 1, "Redis", PATIENCE)
+    wait_until(
+        lambda: fleet.docker("logs", BASE).count("hub 'Pioneer Hub' on port") == said + 1,
+        "Redis",
+        PATIENCE,
+    )
     fleet.execute(BASE, "pkill", "-KILL", "-f", HUB)
-    wait_until(lambda: fleet.docker("logs", BASE).count("hub 'Pioneer Hub' on port") == said + 2, "a hub", PATIENCE)
+    wait_until(
+        lambda: fleet.docker("logs", BASE).count("hub 'Pioneer Hub' on port") == said + 2,
+        "a hub",
+        PATIENCE,
+    )
     for errand in sent.values():
         errand.undisturbed()
     assert started(fleet, BASE) == before
@@ -101,7 +115,9 @@ def test_nobody_notices_that_redis_and_then_the_hub_are_killed(errands: Errands)
 def test_a_sixth_robot_joins(errands: Errands) -> None:
     fleet, sent = errands.fleet, errands.send(*ALL)
     fleet.pioneer("up", "--robots", "6", "--waypoints", "0")
-    assert "pioneer6" in fleet.execute(BASE, "rosparam", "get", "/robot_names"), "the fleet page would not show it"
+    assert "pioneer6" in fleet.execute(BASE, "rosparam", "get", "/robot_names"), (
+        "the fleet page would not show it"
+    )
     joined = errands.send(6, part=ACROSS)
     for errand in sent.values():
         errand.undisturbed()
@@ -113,7 +129,9 @@ def test_all_six_drive_in_the_next_world_when_the_simulator_is_killed(errands: E
     fleet, sent = errands.fleet, errands.send(*ALL, 6)
     before = started(fleet, BASE)
     fleet.execute(BASE, "pkill", "-KILL", "-f", SIMULATOR)
-    wait_until(lambda: started(fleet, BASE) != before, "start of the base station by the engine", PATIENCE)
+    wait_until(
+        lambda: started(fleet, BASE) != before, "start of the base station by the engine", PATIENCE
+    )
     for errand in sent.values():
         errand.over()
     models = fleet.execute(BASE, "rosservice", "call", "/gazebo/get_world_properties")

@@ -34,7 +34,10 @@ def page(driving: Fleet) -> Iterator[str]:
 
 def desktop(fleet: Fleet) -> str:
     """Returns the desktop's container ID."""
-    labels = f"label=com.docker.compose.project={fleet.project}", f"label=com.docker.compose.service={DESKTOP}"
+    labels = (
+        f"label=com.docker.compose.project={fleet.project}",
+        f"label=com.docker.compose.service={DESKTOP}",
+    )
     return output("docker", "ps", "-aq", "--filter", labels[0], "--filter", labels[1]).strip()
 
 
@@ -50,7 +53,9 @@ def shown() -> list[Mark]:
     return [mark for mark in marks if mark.what in {"map", "scan"}]
 
 
-def test_the_page_in_the_browser_shows_rviz_with_the_scans_of_five_robots(page: str, tmp_path: Path) -> None:
+def test_the_page_in_the_browser_shows_rviz_with_the_scans_of_five_robots(
+    page: str, tmp_path: Path
+) -> None:
     with urllib.request.urlopen(page, timeout=PATIENCE) as answer:
         assert b"noVNC" in answer.read()
     marks = shown()
@@ -59,7 +64,9 @@ def test_the_page_in_the_browser_shows_rviz_with_the_scans_of_five_robots(page: 
 
         def all_seen() -> bool:
             picture = screen.picture()
-            Image.fromarray(picture).save(os.environ.get("PIONEER_DESKTOP_PICTURE", tmp_path / "desktop.png"))
+            Image.fromarray(picture).save(
+                os.environ.get("PIONEER_DESKTOP_PICTURE", tmp_path / "desktop.png")
+            )
             unseen = missing(picture, View((0, 0), 1), marks, {})
             print("not seen:", *unseen)
             return not unseen

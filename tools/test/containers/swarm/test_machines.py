@@ -31,13 +31,17 @@ NEAR, AWAY = 0.4, 1.0
 
 def place(fleet: Fleet, number: int) -> tuple[float, float]:
     """Returns a robot's position in the simulator [m]."""
-    said = fleet.execute(BASE, "rosservice", "call", "/gazebo/get_model_state", f"{{model_name: pioneer{number}}}")
+    said = fleet.execute(
+        BASE, "rosservice", "call", "/gazebo/get_model_state", f"{{model_name: pioneer{number}}}"
+    )
     x, y = (float(word) for word in re.findall(r"position:\s*x: (\S+)\s*y: (\S+)", said)[0])
     return x, y
 
 
 def robots_on(fleet: Fleet, host: Host) -> list[int]:
-    return [one.number for one in fleet.computers().values() if one.node == host.name and one.number]
+    return [
+        one.number for one in fleet.computers().values() if one.node == host.name and one.number
+    ]
 
 
 def host_with_robots_only(fleet: Fleet, hosts: Sequence[Host]) -> Host:
@@ -80,7 +84,11 @@ def send(errands: Errands) -> dict[int, Errand]:
     """Sends all robots on their rounds; returns once they are away from the end points."""
     sent = errands.send(*ALL)
     for number in ALL:
-        wait_until(lambda one=number: from_home(errands.fleet, one) > AWAY, f"pioneer{number} on its way", PATIENCE)
+        wait_until(
+            lambda one=number: from_home(errands.fleet, one) > AWAY,
+            f"pioneer{number} on its way",
+            PATIENCE,
+        )
     return sent
 
 
@@ -116,9 +124,9 @@ def fewest_running(fleet: Fleet) -> Iterator[list[int]]:
 def test_robots_without_room_on_any_machine_are_reported_in_one_line(on_swarm: Fleet) -> None:
     said = on_swarm.refused("up", "--swarm", "--robots", "2", "--rtf", "30")
     names = "aadiworkstation, aadi1, aadi2"
-    assert said.startswith(f"pioneer: the swarm has no place for {names}: no suitable node (insufficient resources"), (
-        said
-    )
+    assert said.startswith(
+        f"pioneer: the swarm has no place for {names}: no suitable node (insufficient resources"
+    ), said
     on_swarm.pioneer("down")
 
 
@@ -134,7 +142,9 @@ def test_two_robots_drive_on_two_machines(errands: Errands, hosts: Sequence[Host
         errand.undisturbed()
 
 
-def test_a_machine_that_cannot_get_the_image_is_reported_in_one_line(on_swarm: Fleet, hosts: Sequence[Host]) -> None:
+def test_a_machine_that_cannot_get_the_image_is_reported_in_one_line(
+    on_swarm: Fleet, hosts: Sequence[Host]
+) -> None:
     output("docker", "stop", CONTAINER)
     hosts[1].join()
     try:
@@ -145,14 +155,18 @@ def test_a_machine_that_cannot_get_the_image_is_reported_in_one_line(on_swarm: F
     assert "No such image" in said
 
 
-def test_a_machine_that_joins_late_is_used_by_the_next_up(on_swarm: Fleet, hosts: Sequence[Host]) -> None:
+def test_a_machine_that_joins_late_is_used_by_the_next_up(
+    on_swarm: Fleet, hosts: Sequence[Host]
+) -> None:
     hosts[1].join()
     said = on_swarm.pioneer("up", "--robots", "3", "--waypoints", "1")
     assert on_swarm.computers()["aadi3"].node == hosts[1].name, said
     may_have_base(hosts[1])
     for number in ALL:
         on_swarm.report(f"aadi{number}", "--until", "ready")
-        on_swarm.execute(f"aadi{number}", "rosservice", "call", f"/pioneer{number}/map_goal_client/clear")
+        on_swarm.execute(
+            f"aadi{number}", "rosservice", "call", f"/pioneer{number}/map_goal_client/clear"
+        )
 
 
 def undisturbed(fleet: Fleet, sent: dict[int, Errand], moved: Sequence[int]) -> None:
@@ -165,7 +179,9 @@ def undisturbed(fleet: Fleet, sent: dict[int, Errand], moved: Sequence[int]) -> 
         finishes(fleet, number)
 
 
-def test_robots_of_a_drained_machine_drive_on_elsewhere(errands: Errands, hosts: Sequence[Host]) -> None:
+def test_robots_of_a_drained_machine_drive_on_elsewhere(
+    errands: Errands, hosts: Sequence[Host]
+) -> None:
     fleet, host = errands.fleet, host_with_robots_only(errands.fleet, hosts)
     sent, before, moved = send(errands), fleet.computers(), robots_on(fleet, host)
     output("docker", "node", "update", "--availability", "drain", host.name)
@@ -200,7 +216,9 @@ def test_robots_drive_while_their_image_is_replaced_one_at_a_time(
         finishes(fleet, number)
 
 
-def test_a_machine_off_the_network_and_back_disturbs_no_other(errands: Errands, hosts: Sequence[Host]) -> None:
+def test_a_machine_off_the_network_and_back_disturbs_no_other(
+    errands: Errands, hosts: Sequence[Host]
+) -> None:
     fleet = errands.fleet
     host = host_with_robots_only(fleet, hosts)
     sent, moved = send(errands), robots_on(fleet, host)
@@ -210,10 +228,14 @@ def test_a_machine_off_the_network_and_back_disturbs_no_other(errands: Errands, 
     host.ready()
     undisturbed(fleet, sent, moved)
     left = containers_of(host) - {one.container for one in fleet.computers().values()}
-    wait_until(lambda: not left & containers_of(host), f"end of what ran on {host.name} before", PATIENCE)
+    wait_until(
+        lambda: not left & containers_of(host), f"end of what ran on {host.name} before", PATIENCE
+    )
 
 
-def test_robots_of_a_machine_that_dies_drive_on_elsewhere(errands: Errands, hosts: Sequence[Host]) -> None:
+def test_robots_of_a_machine_that_dies_drive_on_elsewhere(
+    errands: Errands, hosts: Sequence[Host]
+) -> None:
     fleet = errands.fleet
     host = host_with_robots_only(fleet, hosts)
     sent, before, moved = send(errands), fleet.computers(), robots_on(fleet, host)

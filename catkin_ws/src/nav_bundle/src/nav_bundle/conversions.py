@@ -163,7 +163,9 @@ def check_numbers(what: str, message: genpy.Message, largest: float = LARGEST) -
     """
     for name, value in _numbers(message):
         if not abs(value) <= largest:
-            raise MessageError(f"{what} refused: {name} must be a number within ±{largest:g}, not {value}")
+            raise MessageError(
+                f"{what} refused: {name} must be a number within ±{largest:g}, not {value}"
+            )
 
 
 def _numbers(message: genpy.Message, prefix: str = "") -> Iterator[tuple[str, float]]:
@@ -256,7 +258,9 @@ def points_from_scan(message: LaserScan, inf_is_valid: bool) -> NDArray[np.float
     ranges = np.asarray(message.ranges, np.float32)
     if not (ranges > -np.inf).any():
         raise ObservationError(f"scan refused: none of its {len(ranges)} ranges is a measurement")
-    return points_from_ranges(ranges, message.angle_min, message.angle_increment, *limits, inf_is_valid)
+    return points_from_ranges(
+        ranges, message.angle_min, message.angle_increment, *limits, inf_is_valid
+    )
 
 
 def _checked_limits(message: LaserScan) -> tuple[float, float]:
@@ -270,7 +274,9 @@ def _checked_limits(message: LaserScan) -> tuple[float, float]:
     numbers = (message.angle_min, message.angle_increment, message.range_min, message.range_max)
     if not all(map(math.isfinite, numbers[:2])) or any(map(math.isnan, numbers)):
         names = "angle_min, angle_increment, range_min, range_max"
-        raise ObservationError(f"scan refused: {names} must be finite numbers, not {', '.join(map(str, numbers))}")
+        raise ObservationError(
+            f"scan refused: {names} must be finite numbers, not {', '.join(map(str, numbers))}"
+        )
     if message.range_max <= 0.0:
         raise ObservationError(f"scan refused: range_max must be positive, not {message.range_max}")
     return max(message.range_min, 0.0), min(message.range_max, LONGEST)
@@ -301,12 +307,23 @@ def points_from_cloud(message: PointCloud2) -> NDArray[np.float64]:
     try:
         formats = [order + _REALS[fields[name].datatype] for name in "xyz"]
     except KeyError:
-        raise ObservationError(f"a point cloud needs fields x, y, z of floats, this one has {sorted(fields)}") from None
+        raise ObservationError(
+            f"a point cloud needs fields x, y, z of floats, this one has {sorted(fields)}"
+        ) from None
     offsets = [fields[name].offset for name in "xyz"]
     shape, steps = (message.height, message.width), (message.row_step, message.point_step)
     try:
-        kind = np.dtype({"names": list("xyz"), "formats": formats, "offsets": offsets, "itemsize": message.point_step})
-        records: NDArray[np.void] = np.ndarray(shape, kind, bytes(message.data), strides=steps).ravel()
+        kind = np.dtype(
+            {
+                "names": list("xyz"),
+                "formats": formats,
+                "offsets": offsets,
+                "itemsize": message.point_step,
+            }
+        )
+        records: NDArray[np.void] = np.ndarray(
+            shape, kind, bytes(message.data), strides=steps
+        ).ravel()
     except (TypeError, ValueError):
         size = f"{len(message.data)} bytes for {message.width} x {message.height} points of {message.point_step}"
         raise ObservationError(f"the point cloud has {size} bytes") from None
@@ -320,9 +337,13 @@ _COSTS = ("x", "y", "z", "path_cost", "goal_cost", "occ_cost", "total_cost")
 def cost_cloud(costs: NDArray[np.float64], header: Header) -> PointCloud2:
     """Returns cell costs (``Rollout.cell_costs``) as a cloud with base_local_planner's fields, one point per cell."""
     points = np.insert(costs, 2, 0.0, axis=1).astype("<f4")
-    fields = [PointField(name, 4 * number, PointField.FLOAT32, 1) for number, name in enumerate(_COSTS)]
+    fields = [
+        PointField(name, 4 * number, PointField.FLOAT32, 1) for number, name in enumerate(_COSTS)
+    ]
     step = 4 * len(_COSTS)
-    return PointCloud2(header, 1, len(points), fields, False, step, step * len(points), points.tobytes(), True)
+    return PointCloud2(
+        header, 1, len(points), fields, False, step, step * len(points), points.tobytes(), True
+    )
 
 
 def grid_from_message(message: OccupancyGrid) -> Grid:
@@ -335,7 +356,9 @@ def grid_from_message(message: OccupancyGrid) -> Grid:
     info = message.info
     check_numbers("map", info)
     if info.width * info.height != len(message.data):
-        raise MapError(f"the map has {len(message.data)} cells, expected {info.width} x {info.height}")
+        raise MapError(
+            f"the map has {len(message.data)} cells, expected {info.width} x {info.height}"
+        )
     if not info.resolution >= FINEST:
         raise MapError(f"a map's resolution must be at least {FINEST:g} m, not {info.resolution}")
     cells = np.asarray(message.data, np.int8).reshape(info.height, info.width)
@@ -347,7 +370,9 @@ def float_from_float32(value: float) -> float:
     return float(str(np.float32(value)))
 
 
-def message_from_grid(grid: Grid, frame: str, stamp: Any, load_time: Any | None = None) -> GridMessage:
+def message_from_grid(
+    grid: Grid, frame: str, stamp: Any, load_time: Any | None = None
+) -> GridMessage:
     """Returns ``grid`` as a GridMessage in ``frame``; the message shares the cells' memory.
 
     Args:
@@ -356,7 +381,9 @@ def message_from_grid(grid: Grid, frame: str, stamp: Any, load_time: Any | None 
         stamp: genpy.Time of the header.
         load_time: genpy.Time at which the map was made or loaded; defaults to ``stamp``.
     """
-    info = MapMetaData(load_time or stamp, grid.resolution, grid.cols, grid.rows, message_from_pose(grid.origin))
+    info = MapMetaData(
+        load_time or stamp, grid.resolution, grid.cols, grid.rows, message_from_pose(grid.origin)
+    )
     return GridMessage(Header(0, stamp, stripped(frame)), info, grid.cells.reshape(-1))
 
 
@@ -376,7 +403,9 @@ class PathMessage(Path):  # type: ignore[misc]
         super().serialize(buff)
         frame = self.header.frame_id.encode()
         head = [("seq", "<u4"), ("secs", "<u4"), ("nsecs", "<u4"), ("length", "<u4")]
-        records = np.zeros(len(self.track), np.dtype([*head, ("frame", f"V{len(frame)}"), ("pose", "<f8", 7)]))
+        records = np.zeros(
+            len(self.track), np.dtype([*head, ("frame", f"V{len(frame)}"), ("pose", "<f8", 7)])
+        )
         records["secs"], records["nsecs"] = self.header.stamp.secs, self.header.stamp.nsecs
         records["length"], records["frame"] = len(frame), np.void(frame)
         records["pose"] = _pose_fields(self.track)

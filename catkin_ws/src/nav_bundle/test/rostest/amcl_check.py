@@ -38,7 +38,9 @@ class AmclCheck(RoomTest):
         cls.robot = RoomRobot(0.02)
         cls.map = rospy.Publisher("/map", GridMessage, queue_size=1, latch=True)
         cls.map.publish(message_from_grid(cls.robot.grid, "/map", rospy.Time(1)))
-        cls.initial_pose = rospy.Publisher("/pioneer3/initialpose", PoseWithCovarianceStamped, queue_size=1)
+        cls.initial_pose = rospy.Publisher(
+            "/pioneer3/initialpose", PoseWithCovarianceStamped, queue_size=1
+        )
 
     def setUp(self) -> None:
         super().setUp()
@@ -75,10 +77,14 @@ class AmclCheck(RoomTest):
     def is_spread(self) -> bool:
         """Returns whether the particles are spread over the room and over all headings."""
         poses = [pose_from_message(pose) for pose in self.cloud.poses] if self.cloud else [Pose()]
-        return np.ptp([pose.x for pose in poses]) > 3.0 and np.ptp([pose.yaw for pose in poses]) > 4.0
+        return (
+            np.ptp([pose.x for pose in poses]) > 3.0 and np.ptp([pose.yaw for pose in poses]) > 4.0
+        )
 
     def test_a_driving_robot_is_followed(self) -> None:
-        self.drive_until(self.answered, "tf map to odom of the last scan, stamped ahead by transform_tolerance")
+        self.drive_until(
+            self.answered, "tf map to odom of the last scan, stamped ahead by transform_tolerance"
+        )
         errors = []
         for turn in [0.0] * 60 + [math.pi / 20] * 10 + [0.0] * 30:
             self.drive_until(self.answered, "tf of the last scan", 0.0 if turn else 0.05, turn)
@@ -92,16 +98,26 @@ class AmclCheck(RoomTest):
         assert self.diagnosis is not None
         [status] = self.diagnosis.status
         assert status.name == "pioneer3/amcl: Standard deviation"
-        assert {value.key for value in status.values} >= {"std_x", "std_y", "std_yaw", "std_warn_level_yaw"}
+        assert {value.key for value in status.values} >= {
+            "std_x",
+            "std_y",
+            "std_yaw",
+            "std_warn_level_yaw",
+        }
         saved = rospy.get_param("/pioneer3/amcl/initial_pose_x")
         assert abs(saved - self.robot.pose.x) < 1.0
         assert saved != 1.4
 
     def test_a_robot_at_rest_is_updated_on_request(self) -> None:
         self.drive_until(self.answered, "tf of the last scan")
-        before = rospy.wait_for_message("/pioneer3/amcl_pose", PoseWithCovarianceStamped, timeout=5).header.stamp
+        before = rospy.wait_for_message(
+            "/pioneer3/amcl_pose", PoseWithCovarianceStamped, timeout=5
+        ).header.stamp
         rospy.ServiceProxy("/pioneer3/request_nomotion_update", Empty)()
-        self.drive_until(lambda: self.estimate is not None and self.estimate.header.stamp > before, "a forced update")
+        self.drive_until(
+            lambda: self.estimate is not None and self.estimate.header.stamp > before,
+            "a forced update",
+        )
 
     def test_an_initial_pose_is_taken(self) -> None:
         self.robot.pose = Pose(5.0, 1.4, 0.3)
@@ -138,10 +154,20 @@ class AmclCheck(RoomTest):
     def test_parameters_change_under_way(self) -> None:
         client = Client("/pioneer3/amcl", timeout=10)
         self.addCleanup(client.update_configuration, {"restore_defaults": True})
-        held = client.update_configuration({"min_particles": 700, "laser_z_hit": 0.6, "max_particles": 99999})
-        assert (held["min_particles"], held["laser_z_hit"], held["max_particles"]) == (700, 0.6, 10000)
-        self.drive_until(lambda: self.answered() and self.particles() >= 700, "a larger cloud", 0.02)
-        held = client.update_configuration({"laser_model_type": "likelihood_field_prob", "odom_model_type": "omni"})
+        held = client.update_configuration(
+            {"min_particles": 700, "laser_z_hit": 0.6, "max_particles": 99999}
+        )
+        assert (held["min_particles"], held["laser_z_hit"], held["max_particles"]) == (
+            700,
+            0.6,
+            10000,
+        )
+        self.drive_until(
+            lambda: self.answered() and self.particles() >= 700, "a larger cloud", 0.02
+        )
+        held = client.update_configuration(
+            {"laser_model_type": "likelihood_field_prob", "odom_model_type": "omni"}
+        )
         assert held["laser_model_type"] == "likelihood_field_prob"
         self.drive_until(self.is_localised, "localisation by the other laser model", 0.0, 0.05)
         with pytest.raises(DynamicReconfigureCallbackException):
@@ -158,7 +184,10 @@ class AmclCheck(RoomTest):
         nowhere.transform.rotation.w = future.transform.rotation.w = 1.0
         future.header.frame_id, future.child_frame_id = "pioneer3/odom", "pioneer3/base_link"
         future.header.stamp = rospy.Time(2_000_000_000)
-        pose, grid = PoseWithCovarianceStamped(), message_from_grid(self.robot.grid, "/map", rospy.Time(1))
+        pose, grid = (
+            PoseWithCovarianceStamped(),
+            message_from_grid(self.robot.grid, "/map", rospy.Time(1)),
+        )
         pose.pose.pose.position.x = math.nan
         grid.info.origin.position.y = math.nan
         bad = {
@@ -171,7 +200,9 @@ class AmclCheck(RoomTest):
             publisher = rospy.Publisher(topic, type(message), queue_size=1, latch=True)
             publisher.publish(message)
             wait_until(publisher.get_num_connections, f"a subscriber of {topic}", 10.0)
-        self.drive_until(self.is_localised, "localisation after messages that cannot be used", 0.05, 0.05)
+        self.drive_until(
+            self.is_localised, "localisation after messages that cannot be used", 0.05, 0.05
+        )
 
 
 if __name__ == "__main__":

@@ -12,7 +12,15 @@ from nav_bundle.core.pose import Pose
 from nav_bundle.core.sensor import placement
 from nav_bundle.kernels.likelihood import expected_ranges
 
-CHAMBER = ["#########", "#.......#", "#..#....#", "#.......#", "#.....###", "#.......#", "#########"]
+CHAMBER = [
+    "#########",
+    "#.......#",
+    "#..#....#",
+    "#.......#",
+    "#.....###",
+    "#.......#",
+    "#########",
+]
 ROOM = [
     "########################",
     "#......................#",
@@ -34,7 +42,9 @@ ROOM = [
 _CELL_OF_SYMBOL = {"#": OCCUPIED, ".": FREE, " ": FREE, "?": UNKNOWN}
 
 
-def grid_from_text(rows: Sequence[str], resolution: float = 1.0, origin: Pose | None = None) -> Grid:
+def grid_from_text(
+    rows: Sequence[str], resolution: float = 1.0, origin: Pose | None = None
+) -> Grid:
     """Returns the grid drawn in ``rows``, the topmost (largest y) first.
 
     ``#`` is occupied, ``.`` or a space free, ``?`` unknown.
@@ -46,7 +56,9 @@ def grid_from_text(rows: Sequence[str], resolution: float = 1.0, origin: Pose | 
         table = [[_CELL_OF_SYMBOL[symbol] for symbol in row] for row in reversed(rows)]
         cells = np.array(table, dtype=np.int8)
     except KeyError as error:
-        raise MapError(f"a drawn map knows only {' '.join(map(repr, _CELL_OF_SYMBOL))}, not {error}") from None
+        raise MapError(
+            f"a drawn map knows only {' '.join(map(repr, _CELL_OF_SYMBOL))}, not {error}"
+        ) from None
     except ValueError:
         raise MapError("a drawn map needs rows of one length") from None
     return Grid(resolution, origin or Pose(), cells)
@@ -58,7 +70,9 @@ def enlarged(rows: list[str], scale: int = 8) -> Grid:
     return Grid(0.05, Pose(), np.ascontiguousarray(cells))
 
 
-def ranges_at(grid: Grid, pose: Pose, laser: Pose, beams: int = 180, farthest: float = 30.0) -> NDArray[np.float64]:
+def ranges_at(
+    grid: Grid, pose: Pose, laser: Pose, beams: int = 180, farthest: float = 30.0
+) -> NDArray[np.float64]:
     """Returns the exact ranges [m] of a laser mounted at ``laser``, with beams from -pi to pi."""
     ranges = np.empty((1, beams))
     robot = np.array([[pose.x, pose.y, pose.yaw]])

@@ -35,7 +35,9 @@ class MapServerCheck(unittest.TestCase):
     def test_the_map_is_saved(self) -> None:
         with tempfile.TemporaryDirectory() as folder:
             name = Path(folder, "saved")
-            subprocess.run(["rosrun", "nav_bundle", "map_saver", "-f", str(name)], check=True, timeout=TIMEOUT)
+            subprocess.run(
+                ["rosrun", "nav_bundle", "map_saver", "-f", str(name)], check=True, timeout=TIMEOUT
+            )
             assert read_map(name.with_suffix(".yaml")).cells.ravel().tolist() == CELLS
 
     def test_the_map_is_changed_and_a_bad_one_is_not_taken(self) -> None:

@@ -25,7 +25,11 @@ class MappingRobotTest(unittest.TestCase):
         robot = Robot()
         self.map: OccupancyGrid | None = None
         rospy.Subscriber("map", GridMessage, self.on_map, queue_size=1)
-        wait_until(lambda: robot.goals.get_num_connections() and robot.queue and self.map, "waypoint client, map", 60.0)
+        wait_until(
+            lambda: robot.goals.get_num_connections() and robot.queue and self.map,
+            "waypoint client, map",
+            60.0,
+        )
         goal = START.inverse().compose(PLACE)
         robot.goals.publish(Twist(Vector3(goal.x, goal.y, 0.0), Vector3(0.0, 0.0, 0.0)))
         wait_until(lambda: robot.queue.reached + robot.queue.aborted == 1, "the waypoint", 90.0)

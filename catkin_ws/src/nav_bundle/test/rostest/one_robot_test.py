@@ -58,7 +58,9 @@ class Robot:
             self.length += pose.distance(self.truth)
         self.truth, self.stamp = pose, message.header.stamp.to_sec()
         try:
-            belief = self.listener.wait("map", "pioneer1/base_link", self.stamp, LONGEST_LAG).planar()
+            belief = self.listener.wait(
+                "map", "pioneer1/base_link", self.stamp, LONGEST_LAG
+            ).planar()
         except TransformError:
             return
         self.errors.append(belief.distance(pose))
@@ -66,14 +68,22 @@ class Robot:
 
 
 class OneRobotTest(unittest.TestCase):
-    def test_the_robot_reaches_both_waypoints_without_a_collision_and_knows_where_it_is(self) -> None:
+    def test_the_robot_reaches_both_waypoints_without_a_collision_and_knows_where_it_is(
+        self,
+    ) -> None:
         robot = Robot()
-        wait_until(lambda: robot.goals.get_num_connections() and robot.queue, "the waypoint client", 60.0)
+        wait_until(
+            lambda: robot.goals.get_num_connections() and robot.queue, "the waypoint client", 60.0
+        )
         for x, y in WAYPOINTS:
             robot.goals.publish(Twist(Vector3(x, y, 0.0), Vector3(0.0, 0.0, 0.0)))
         wait_until(lambda: robot.queue.state == WaypointQueue.DRIVING, "the robot to set off", 60.0)
         start = robot.stamp
-        wait_until(lambda: robot.queue.reached + robot.queue.aborted == len(WAYPOINTS), "both waypoints", 120.0)
+        wait_until(
+            lambda: robot.queue.reached + robot.queue.aborted == len(WAYPOINTS),
+            "both waypoints",
+            120.0,
+        )
         errors = sorted(robot.errors)
         rospy.loginfo(
             "%.1f s, %.2f m, error mean %.3f m, p95 %.3f m, heading mean %.4f rad, %s collisions",

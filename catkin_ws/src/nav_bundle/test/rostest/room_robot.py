@@ -50,7 +50,9 @@ class RoomRobot:
         self._tf.send("pioneer3/odom", "pioneer3/base_link", stamp, self.odom)
 
     def _measured(self, stamp: rospy.Time) -> LaserScan:
-        scan = LaserScan(angle_min=-math.pi, angle_max=math.pi, angle_increment=math.tau / 179, range_max=30.0)
+        scan = LaserScan(
+            angle_min=-math.pi, angle_max=math.pi, angle_increment=math.tau / 179, range_max=30.0
+        )
         scan.header.stamp, scan.header.frame_id = stamp, "pioneer3/laser"
         scan.ranges = ranges_at(self.grid, self.pose, LASER).tolist()
         return scan
@@ -96,7 +98,12 @@ class RoomTest(unittest.TestCase):
         raise NotImplementedError
 
     def drive_until(
-        self, condition: Callable[[], bool], what: str, length: float = 0.0, turn: float = 0.0, patience: float = 0.1
+        self,
+        condition: Callable[[], bool],
+        what: str,
+        length: float = 0.0,
+        turn: float = 0.0,
+        patience: float = 0.1,
     ) -> None:
         """Ticks until ``condition`` holds. The robot moves in a tick only if the node responded to the last one.
 

@@ -46,7 +46,11 @@ class Robot:
         self._goal = ""
         self._listener = TransformListener()
         self._listener.listen("map", f"{name}/base_link")
-        services = {"move_base/clear_costmaps": Empty, "move_base/make_plan": GetPlan, "global_localization": Empty}
+        services = {
+            "move_base/clear_costmaps": Empty,
+            "move_base/make_plan": GetPlan,
+            "global_localization": Empty,
+        }
         for service in services:
             rospy.wait_for_service(f"/{name}/{service}", START_UP)
         self._forget, self._make_plan, self._scatter = (
@@ -54,7 +58,9 @@ class Robot:
         )
         self._goals = rospy.Publisher(f"/{name}/move_base/goal", MoveBaseActionGoal, queue_size=1)
         self._cancels = rospy.Publisher(f"/{name}/move_base/cancel", GoalID, queue_size=1)
-        self._told = rospy.Publisher(f"/{name}/initialpose", PoseWithCovarianceStamped, queue_size=1)
+        self._told = rospy.Publisher(
+            f"/{name}/initialpose", PoseWithCovarianceStamped, queue_size=1
+        )
         self._drive = rospy.Publisher(f"/{name}/pioneer/cmd_vel", Twist, queue_size=1)
         rospy.Subscriber(f"/{name}/base_pose_ground_truth", Odometry, self._on_truth, queue_size=1)
         rospy.Subscriber(f"/{name}/collisions", UInt32, self._on_collisions)
@@ -65,7 +71,9 @@ class Robot:
         self.truth, self.stamp = pose_from_message(message.pose.pose), message.header.stamp.to_sec()
         truth, stamp = self.truth, self.stamp
         try:
-            belief = self._listener.wait("map", f"{self.name}/base_link", stamp, LONGEST_LAG).planar()
+            belief = self._listener.wait(
+                "map", f"{self.name}/base_link", stamp, LONGEST_LAG
+            ).planar()
         except TransformError:
             return
         with self.world.changed:
@@ -98,7 +106,9 @@ class Robot:
         told.pose.covariance[35] = 0.01
         self._told.publish(told)
         self.world.wait(
-            lambda: self.compared > since and self.error < 0.1, f"{self.name} believing where it is", PLACING
+            lambda: self.compared > since and self.error < 0.1,
+            f"{self.name} believing where it is",
+            PLACING,
         )
         self._forget()
 
@@ -107,7 +117,9 @@ class Robot:
         self.world.put(self.name, pose)
         since = self.world.time
         self.world.wait(
-            lambda: self.stamp > since and self.truth.distance(pose) < 0.1, f"{self.name} at its place", PLACING
+            lambda: self.stamp > since and self.truth.distance(pose) < 0.1,
+            f"{self.name} at its place",
+            PLACING,
         )
 
     def recover(self, slow: float, fast: float) -> None:
@@ -126,7 +138,9 @@ class Robot:
             self._right_since = math.inf
         with self._wandering():
             self.world.wait(
-                lambda: self.compared - self._right_since > SURE, f"{self.name} knowing where it is", limit + SURE
+                lambda: self.compared - self._right_since > SURE,
+                f"{self.name} knowing where it is",
+                limit + SURE,
             )
 
     @contextmanager
@@ -139,7 +153,9 @@ class Robot:
             command.linear.x, command.angular.z = wanderer.command(np.array(scan.ranges), bearings)
             self._drive.publish(command)
 
-        scans = rospy.Subscriber(f"/{self.name}/base_scan", LaserScan, on_scan, queue_size=1, tcp_nodelay=True)
+        scans = rospy.Subscriber(
+            f"/{self.name}/base_scan", LaserScan, on_scan, queue_size=1, tcp_nodelay=True
+        )
         try:
             yield
         finally:

@@ -30,8 +30,15 @@ class ScenarioTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls) -> None:
         cls.world = World()
-        cls.first, cls.second = cls.robots = Robot("pioneer1", cls.world), Robot("pioneer2", cls.world)
-        wait_until(lambda: all(robot.up() for robot in cls.robots), "both robots and their navigation", START_UP)
+        cls.first, cls.second = cls.robots = (
+            Robot("pioneer1", cls.world),
+            Robot("pioneer2", cls.world),
+        )
+        wait_until(
+            lambda: all(robot.up() for robot in cls.robots),
+            "both robots and their navigation",
+            START_UP,
+        )
 
     def setUp(self) -> None:
         for robot in self.robots:
@@ -98,7 +105,9 @@ class ScenarioTest(unittest.TestCase):
         self.first.send(17.5, -3.5)
         self.second.send(25.95, 1.5)
         status, text = self.end(self.second, 5.0)
-        assert (status, self.second.recoveries) == (GoalStatus.ABORTED, []), "a goal in a wall is answered at once"
+        assert (status, self.second.recoveries) == (GoalStatus.ABORTED, []), (
+            "a goal in a wall is answered at once"
+        )
         assert text.startswith("The goal (25.95, 1.50) is in an obstacle of the map"), text
         assert self.end(self.first, 60.0) == NO_PLAN
         assert [name.split(" ")[0] for name in self.first.recoveries] == RECOVERIES
@@ -119,7 +128,9 @@ class ScenarioTest(unittest.TestCase):
         """Places the robot in the dead end, with a gate so close to it that no recovery clears the gate."""
         self.first.place(Pose(23.2, -3.5, math.pi))
         self.world.spawn("gate", 0.1, 1.2, Pose(22.55, -3.5))
-        wait_until(lambda: not self.first.sees_a_way(17.5, -3.5), "the gate in the costmap", START_UP)
+        wait_until(
+            lambda: not self.first.sees_a_way(17.5, -3.5), "the gate in the costmap", START_UP
+        )
 
 
 if __name__ == "__main__":

@@ -50,7 +50,9 @@ class SlamGmappingCheck(RoomTest):
         map_from_room = ODOM_START.compose(START.inverse())
         self.drive_until(lambda: self.map is not None, "a first map")
         turned = [(0.0, TURN)] * 5
-        for length, turn in [(STEP, 0.0)] * 10 + turned + [(STEP, 0.0)] * 5 + turned + [(STEP, 0.0)] * 5:
+        for length, turn in (
+            [(STEP, 0.0)] * 10 + turned + [(STEP, 0.0)] * 5 + turned + [(STEP, 0.0)] * 5
+        ):
             self.drive(length, turn)
         self.drive(0.0, TURN)
 

@@ -19,7 +19,9 @@ class Wanderer:
     def __init__(self) -> None:
         self._side = 0
 
-    def command(self, ranges: NDArray[np.floating], bearings: NDArray[np.floating]) -> tuple[float, float]:
+    def command(
+        self, ranges: NDArray[np.floating], bearings: NDArray[np.floating]
+    ) -> tuple[float, float]:
         """Returns speed [m/s] and turn rate [rad/s] for a scan: ``ranges`` [m] at ``bearings`` [rad, 0 is ahead]."""
         seen = np.where(np.isfinite(ranges), ranges, 30.0)
         lane = (np.abs(seen * np.sin(bearings)) < HALF_WIDTH) & (np.abs(bearings) < math.pi / 2)
@@ -27,6 +29,8 @@ class Wanderer:
         if room > FAR:
             self._side = 0
         elif room < NEAR and self._side == 0:
-            left, right = (seen[(side * bearings > 0.3) & (side * bearings < 1.5)].mean() for side in (1, -1))
+            left, right = (
+                seen[(side * bearings > 0.3) & (side * bearings < 1.5)].mean() for side in (1, -1)
+            )
             self._side = 1 if left > right else -1
         return (0.0, self._side * TURN) if self._side else (SPEED, 0.0)

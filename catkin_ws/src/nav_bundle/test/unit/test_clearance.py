@@ -27,14 +27,19 @@ STRAIGHT = np.column_stack([np.arange(0.0, 1.4, 0.025), np.zeros(56), np.zeros(5
 def situation(*points):
     costmap = Costmap(costmap_config_from_parameters(PARAMETERS, "test"))
     source = costmap.config.layers[0].sources[0]
-    costmap.update(Pose(), [Observation(source, 0.0, 0.0, np.array(points, np.float64).reshape(-1, 2))])
+    costmap.update(
+        Pose(), [Observation(source, 0.0, 0.0, np.array(points, np.float64).reshape(-1, 2))]
+    )
     return Situation(costmap, Pose(), STANDSTILL, Pose())
 
 
 def test_the_price_rises_from_nothing_at_the_distance_to_all_at_touch():
     costmap = situation((1.0, 0.5)).costmap
     prices = Clearance(0.4, 10.0).prices(costmap)
-    at = {gap: prices[costmap.cost_at(gap + costmap.footprint.inscribed_radius)] for gap in (0.0, 0.2, 0.39, 0.8)}
+    at = {
+        gap: prices[costmap.cost_at(gap + costmap.footprint.inscribed_radius)]
+        for gap in (0.0, 0.2, 0.39, 0.8)
+    }
     assert at[0.0] == 10.0
     assert at[0.2] == pytest.approx(5.0, abs=1.5)
     assert at[0.39] == pytest.approx(0.0, abs=1.5)
@@ -67,7 +72,9 @@ def test_the_least_price_across_each_point_of_any_plan_counts_around_its_distanc
 
     def cost(x, y):
         row, col = place.row_of(y), place.col_of(x)
-        return int(cells[row, col]) if 0 <= row < place.rows and 0 <= col < place.cols else INSCRIBED
+        return (
+            int(cells[row, col]) if 0 <= row < place.rows and 0 <= col < place.cols else INSCRIBED
+        )
 
     points = plan[::2, :2]
     expected = np.zeros(max(cells.shape))
@@ -76,7 +83,9 @@ def test_the_least_price_across_each_point_of_any_plan_counts_around_its_distanc
         across = np.array([-along[1], along[0]]) / np.hypot(*along)
         away = int(np.hypot(*point) / place.resolution)
         if cost(*point) < INSCRIBED and away < len(expected):
-            least = min(prices[cost(*(point + aside * across))] for aside in np.linspace(-0.25, 0.25, 7))
+            least = min(
+                prices[cost(*(point + aside * across))] for aside in np.linspace(-0.25, 0.25, 7)
+            )
             around = expected[max(away - 3, 0) : away + 4]
             np.maximum(around, least, out=around)
     assert clearance.allowed(there, plan) == pytest.approx(expected)

@@ -13,7 +13,12 @@ def test_time_that_goes_on_does_not_jump():
 
 @pytest.mark.parametrize(
     ("simulated", "back", "jump"),
-    [(True, 0.2, Jump.STEP), (True, 46.0, Jump.RESET), (False, 0.2, Jump.STEP), (False, 3600.0, Jump.STEP)],
+    [
+        (True, 0.2, Jump.STEP),
+        (True, 46.0, Jump.RESET),
+        (False, 0.2, Jump.STEP),
+        (False, 3600.0, Jump.STEP),
+    ],
 )
 def test_a_reset_is_known_by_simulated_time_that_goes_far_back(simulated, back, jump):
     watch = ClockWatch(simulated)

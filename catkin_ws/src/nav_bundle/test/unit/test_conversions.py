@@ -43,12 +43,18 @@ def test_an_array_map_is_written_as_genpy_writes_it() -> None:
     plain = OccupancyGrid(message.header, message.info, message.data.tolist())
     assert message.header.frame_id == "map"
     assert serialised(message) == serialised(plain)
-    assert (conversions.GridMessage._md5sum, conversions.GridMessage._type) == (plain._md5sum, plain._type)
+    assert (conversions.GridMessage._md5sum, conversions.GridMessage._type) == (
+        plain._md5sum,
+        plain._type,
+    )
 
 
 def test_a_map_survives_the_wire() -> None:
     sent = serialised(conversions.message_from_grid(small_grid(), "map", STAMP))
-    for received in (conversions.GridMessage().deserialize(sent), OccupancyGrid().deserialize(sent)):
+    for received in (
+        conversions.GridMessage().deserialize(sent),
+        OccupancyGrid().deserialize(sent),
+    ):
         grid = conversions.grid_from_message(received)
         assert grid.resolution == 0.05
         assert math.isclose(grid.origin.yaw, 0.5)
@@ -56,7 +62,9 @@ def test_a_map_survives_the_wire() -> None:
 
 
 def test_a_map_response_is_the_map() -> None:
-    response = conversions.GetMapArrayResponse(conversions.message_from_grid(small_grid(), "map", STAMP))
+    response = conversions.GetMapArrayResponse(
+        conversions.message_from_grid(small_grid(), "map", STAMP)
+    )
     received = conversions.GetMapArrayResponse().deserialize(serialised(response))
     assert received.map.data.tolist() == small_grid().cells.ravel().tolist()
 
@@ -99,7 +107,9 @@ def test_a_quaternion_of_any_length_has_a_heading() -> None:
 
 def test_particles_are_written_as_poses() -> None:
     particles = np.array([[1.0, 2.0, 0.5], [-1.0, 0.0, -3.0]])
-    received = PoseArray().deserialize(serialised(conversions.ParticlesMessage(particles, "/map", STAMP)))
+    received = PoseArray().deserialize(
+        serialised(conversions.ParticlesMessage(particles, "/map", STAMP))
+    )
     assert received.header.frame_id == "map"
     poses = [conversions.pose_from_message(pose) for pose in received.poses]
     assert np.allclose([[pose.x, pose.y, pose.yaw] for pose in poses], particles)
@@ -139,7 +149,9 @@ def cloud_of(
     raw = np.zeros((rows, cols * step + 5), np.uint8)
     values = points.astype(order + kind).view(np.uint8).reshape(rows, cols, 3 * size)
     raw[:, : cols * step].reshape(rows, cols, step)[:, :, 8:] = values
-    return PointCloud2(Header(), rows, cols, fields, order == ">", step, cols * step + 5, raw.tobytes(), False)
+    return PointCloud2(
+        Header(), rows, cols, fields, order == ">", step, cols * step + 5, raw.tobytes(), False
+    )
 
 
 @pytest.mark.parametrize("order", ["<", ">"])

@@ -51,7 +51,9 @@ def test_a_file_of_something_else_is_named(tmp_path: Path, text: str) -> None:
         CorrectionFile(str(path)).read("odom")
 
 
-def test_amcl_starts_at_its_initial_pose_where_the_file_holds_something_else(tmp_path: Path) -> None:
+def test_amcl_starts_at_its_initial_pose_where_the_file_holds_something_else(
+    tmp_path: Path,
+) -> None:
     """amcl used to exit on such a file, and was respawned every few seconds."""
     path = tmp_path / "correction"
     node = SimpleNamespace(_correction=CorrectionFile(str(path)), _odom_frame="odom")
@@ -63,16 +65,22 @@ def test_amcl_starts_at_its_initial_pose_where_the_file_holds_something_else(tmp
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(CorrectionFileError, match="absent"):
-        CorrectionFile(str(tmp_path / "absent" / "correction")).write(Correction(Pose(), ODOM), "odom")
+        CorrectionFile(str(tmp_path / "absent" / "correction")).write(
+            Correction(Pose(), ODOM), "odom"
+        )
 
 
-def test_a_correction_is_forgotten_when_time_jumps_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_correction_is_forgotten_when_time_jumps_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It used to survive: an amcl restarted before the next write resumed at the pose from before the reset."""
     file = CorrectionFile(str(tmp_path / "correction"))
     file.write(Correction(Pose(1.0, -2.0, 0.5), ODOM), "odom")
     clock = ClockWatch(simulated=True)
     clock.read(50.0)
-    node = SimpleNamespace(_clock=clock, _correction=file, _store=PoseStore(1.0), _start_at_initial_pose=lambda: None)
+    node = SimpleNamespace(
+        _clock=clock, _correction=file, _store=PoseStore(1.0), _start_at_initial_pose=lambda: None
+    )
     monkeypatch.setattr(rospy, "get_time", lambda: 3.0)
     AmclNode._read_clock(node)  # type: ignore[arg-type]
     assert file.read("odom") is None
@@ -89,7 +97,9 @@ def test_a_correction_is_forgotten_when_time_jumps_back(tmp_path: Path, monkeypa
         (Pose(0.0, 0.0, 1.0), False),
     ],
 )
-def test_a_correction_is_not_for_odometry_that_was_restarted_at_zero(odom: Pose, applies: bool) -> None:
+def test_a_correction_is_not_for_odometry_that_was_restarted_at_zero(
+    odom: Pose, applies: bool
+) -> None:
     assert Correction(Pose(1.0, 2.0, 0.3), ODOM).applies_to(odom) == applies
 
 

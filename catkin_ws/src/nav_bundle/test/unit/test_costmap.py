@@ -7,7 +7,14 @@ import pytest
 from drawn_room import grid_from_text
 
 from nav_bundle.core.costmap.config import InflationConfig, costmap_config_from_parameters
-from nav_bundle.core.costmap.cost import FREE, INSCRIBED, LETHAL, UNKNOWN, cost_by_occupancy, occupancy_by_cost
+from nav_bundle.core.costmap.cost import (
+    FREE,
+    INSCRIBED,
+    LETHAL,
+    UNKNOWN,
+    cost_by_occupancy,
+    occupancy_by_cost,
+)
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.footprint import FootprintError, footprint_from_parameters
 from nav_bundle.core.costmap.layer import Observation, ObservationBuffer
@@ -17,18 +24,34 @@ from pioneer_node.core.parameter import ParameterError
 
 FOOTPRINT = [[0.2, 0.2], [0.2, -0.2], [-0.3, -0.2], [-0.3, 0.2]]
 LASER = {"topic": "base_scan", "marking": True, "clearing": True}
-SENSING = {"observation_sources": "laser", "laser": LASER, "obstacle_range": 2.0, "raytrace_range": 3.0}
+SENSING = {
+    "observation_sources": "laser",
+    "laser": LASER,
+    "obstacle_range": 2.0,
+    "raytrace_range": 3.0,
+}
 
 
 def costmap_of(rows, resolution=0.1, **parameters):
-    given = {"static_map": True, "footprint": FOOTPRINT, "inflation_radius": 0.5, "cost_scaling_factor": 5.0}
+    given = {
+        "static_map": True,
+        "footprint": FOOTPRINT,
+        "inflation_radius": 0.5,
+        "cost_scaling_factor": 5.0,
+    }
     costmap = Costmap(costmap_config_from_parameters({**given, **parameters}, "test"))
     costmap.set_map(grid_from_text(rows, resolution))
     return costmap
 
 
 def rolling(**parameters):
-    given = {"rolling_window": True, "width": 3.0, "height": 3.0, "footprint": FOOTPRINT, "inflation_radius": 0.0}
+    given = {
+        "rolling_window": True,
+        "width": 3.0,
+        "height": 3.0,
+        "footprint": FOOTPRINT,
+        "inflation_radius": 0.0,
+    }
     return Costmap(costmap_config_from_parameters({**SENSING, **given, **parameters}, "test"))
 
 
@@ -48,14 +71,21 @@ def cost_of_distance(distance, costmap):
         return LETHAL
     if distance <= inscribed:
         return INSCRIBED
-    if distance > math.ceil(config.inflation_radius / costmap.geometry.resolution) * costmap.geometry.resolution + 1e-9:
+    if (
+        distance
+        > math.ceil(config.inflation_radius / costmap.geometry.resolution)
+        * costmap.geometry.resolution
+        + 1e-9
+    ):
         return FREE
     return int(252 * math.exp(-config.cost_scaling_factor * (distance - inscribed)))
 
 
 def test_every_cell_costs_what_its_distance_to_the_nearest_obstacle_says():
     generator = np.random.default_rng(1)
-    rows = ["".join("#" if generator.random() < 0.01 else "." for _ in range(60)) for _ in range(50)]
+    rows = [
+        "".join("#" if generator.random() < 0.01 else "." for _ in range(60)) for _ in range(50)
+    ]
     costmap = costmap_of(rows)
     costmap.update(Pose(1.0, 1.0), [])
     obstacles = np.argwhere(costmap.cells == LETHAL)
@@ -67,7 +97,9 @@ def test_every_cell_costs_what_its_distance_to_the_nearest_obstacle_says():
 
 def test_a_partial_update_leaves_what_a_whole_one_would():
     generator = np.random.default_rng(2)
-    rows = ["".join("#" if generator.random() < 0.005 else "." for _ in range(120)) for _ in range(100)]
+    rows = [
+        "".join("#" if generator.random() < 0.005 else "." for _ in range(120)) for _ in range(100)
+    ]
     costmap, fresh = (costmap_of(rows, **SENSING) for _ in range(2))
     costmap.update(Pose(5.0, 5.0), [])
     for step in range(10):
@@ -77,7 +109,11 @@ def test_a_partial_update_leaves_what_a_whole_one_would():
         points = np.stack([x + reach * np.cos(angles), 5.0 + reach * np.sin(angles)], axis=1)
         seen = seen_by(costmap, x, 5.0, *points)
         changed = costmap.update(Pose(x, 5.0), seen)
-        assert 0 < (changed.row_1 - changed.row_0) * (changed.col_1 - changed.col_0) < costmap.cells.size
+        assert (
+            0
+            < (changed.row_1 - changed.row_0) * (changed.col_1 - changed.col_0)
+            < costmap.cells.size
+        )
         fresh.clear_outside(Pose(), 1e6)
         fresh.update(Pose(x, 5.0), seen_by(fresh, x, 5.0, *points))
         np.testing.assert_array_equal(costmap.cells, fresh.cells)
@@ -113,7 +149,9 @@ def test_a_wall_that_is_still_seen_beyond_the_obstacle_range_is_not_forgotten(se
     generator = np.random.default_rng(seed)
     costmap = rolling(width=12.0, height=12.0)
     sides = np.arange(-2.0, 2.0, 0.02)
-    costmap.update(Pose(), seen_by(costmap, 0.0, 0.0, *((1.5, y) for y in np.arange(-0.5, 0.5, 0.02))))
+    costmap.update(
+        Pose(), seen_by(costmap, 0.0, 0.0, *((1.5, y) for y in np.arange(-0.5, 0.5, 0.02)))
+    )
     marked = costmap.cells == LETHAL
     assert marked.any()
     for _ in range(20):
@@ -204,7 +242,9 @@ def test_clearing_keeps_the_square_around_the_robot():
 
 @pytest.mark.parametrize(("track", "expected"), [(True, UNKNOWN), (False, FREE)])
 def test_the_map_s_unknown_cells_stay_unknown_only_where_that_is_tracked(track, expected):
-    costmap = costmap_of(["?" + "." * 19] * 9, track_unknown_space=track, inflation_radius=0.0, **SENSING)
+    costmap = costmap_of(
+        ["?" + "." * 19] * 9, track_unknown_space=track, inflation_radius=0.0, **SENSING
+    )
     costmap.update(Pose(1.5, 0.45), [])
     assert costmap.cells[4, 0] == expected
 
@@ -233,7 +273,9 @@ def test_layered_parameters_mean_the_same_as_classic_ones():
         "inflation_radius": 1.5,
         "cost_scaling_factor": 5.0,
     }
-    assert costmap_config_from_parameters(layered, "l") == costmap_config_from_parameters(classic, "c")
+    assert costmap_config_from_parameters(layered, "l") == costmap_config_from_parameters(
+        classic, "c"
+    )
 
 
 @pytest.mark.parametrize(
@@ -242,7 +284,10 @@ def test_layered_parameters_mean_the_same_as_classic_ones():
         ({"map_type": "voxel"}, "voxel"),
         ({"plugins": [{"name": "x", "type": "costmap_2d::VoxelLayer"}]}, "no such layer"),
         ({**SENSING, "laser": {**LASER, "data_type": "PointCloud"}}, "there are.*PointCloud2"),
-        ({**SENSING, "laser": {**LASER, "observation_persistence": -1.0}}, "observation_persistence"),
+        (
+            {**SENSING, "laser": {**LASER, "observation_persistence": -1.0}},
+            "observation_persistence",
+        ),
         ({"resolution": 0.0}, "positive"),
     ],
 )
@@ -271,7 +316,10 @@ def test_a_goal_in_an_obstacle_of_the_map_or_outside_it_is_ruled_out_at_once() -
     assert "in an obstacle of the map" in costmap.goal_fault(Pose(0.05, 1.0))
     assert "less than 0.21 m from one" in costmap.goal_fault(Pose(0.25, 1.0))
     outside = costmap.goal_fault(Pose(7.0, 1.0))
-    assert outside == "The goal (7.00, 1.00) is outside the map, which spans x from 0 to 2 and y from 0 to 2 m."
+    assert (
+        outside
+        == "The goal (7.00, 1.00) is outside the map, which spans x from 0 to 2 and y from 0 to 2 m."
+    )
 
 
 def test_what_only_sensors_have_seen_rules_no_goal_out() -> None:
@@ -283,7 +331,9 @@ def test_what_only_sensors_have_seen_rules_no_goal_out() -> None:
 
 
 @pytest.mark.parametrize(("threshold", "same_as"), [(254, 100), (1000, 100), (-5, 0)])
-def test_a_lethal_threshold_outside_the_range_of_a_map_is_clamped(threshold: int, same_as: int) -> None:
+def test_a_lethal_threshold_outside_the_range_of_a_map_is_clamped(
+    threshold: int, same_as: int
+) -> None:
     for trinary in (False, True):
         table = cost_by_occupancy(threshold, trinary, True, 255)
         assert table.tolist() == cost_by_occupancy(same_as, trinary, True, 255).tolist()

@@ -25,7 +25,9 @@ from nav_bundle.core.pose import Pose
 FOOTPRINT = ((0.2, 0.2), (0.2, -0.2), (-0.3, -0.2), (-0.3, 0.2))
 LASER = SourceConfig("base_scan", clearing=True)
 FLEET = FleetConfig(robots="pioneer1 pioneer2")
-WINDOW = CostmapConfig(rolling_window=True, width=6.0, height=6.0, resolution=0.1, footprint=FOOTPRINT)
+WINDOW = CostmapConfig(
+    rolling_window=True, width=6.0, height=6.0, resolution=0.1, footprint=FOOTPRINT
+)
 
 
 def cost_at(costmap: Costmap, x: float, y: float) -> int:
@@ -76,7 +78,9 @@ def test_a_robot_outside_the_window_is_none(fleet: Costmap) -> None:
 def test_there_are_no_other_robots_unless_asked_for() -> None:
     config = costmap_config_from_parameters({"static_map": True}, "global_costmap")
     assert not any(isinstance(layer, FleetConfig) for layer in config.layers)
-    asked = costmap_config_from_parameters({"fleet_layer": {"robots": ["pioneer1", "/pioneer2"]}}, "global_costmap")
+    asked = costmap_config_from_parameters(
+        {"fleet_layer": {"robots": ["pioneer1", "/pioneer2"]}}, "global_costmap"
+    )
     assert asked.layer_names == ("obstacle_layer", "fleet_layer", "inflation_layer")
     assert asked.layers[1].frames() == ("pioneer1/base_link", "pioneer2/base_link")
 
@@ -124,7 +128,10 @@ def test_another_inflation_keeps_what_was_seen() -> None:
     costmap = Costmap(replace(WINDOW, layers=layers))
     costmap.update(Pose(), (Observation(LASER, 0.0, 0.0, np.array([[1.5, 0.0]])),))
     costmap.configure(
-        replace(costmap.config, layers=(layers[0], InflationConfig(inflation_radius=1.5, cost_scaling_factor=1.0)))
+        replace(
+            costmap.config,
+            layers=(layers[0], InflationConfig(inflation_radius=1.5, cost_scaling_factor=1.0)),
+        )
     )
     costmap.update(Pose(), ())
     assert cost_at(costmap, 1.5, 0.0) == LETHAL
@@ -173,7 +180,9 @@ def test_each_static_layer_has_the_map_of_its_own_topic() -> None:
     assert cost_at(costmap, 3.5, 2.5) == LETHAL
 
 
-def test_a_static_layer_that_is_toggled_keeps_its_map_and_a_disabled_one_rules_out_no_goal() -> None:
+def test_a_static_layer_that_is_toggled_keeps_its_map_and_a_disabled_one_rules_out_no_goal() -> (
+    None
+):
     costmap = Costmap(MAPPED)
     costmap.set_map(ROOM, "map")
     costmap.set_map(KEEP_OUT, "no_go")
@@ -243,12 +252,18 @@ def test_obstacles_as_wide_as_a_robot_are_found_as_by_comparing_all_pairs_of_cel
     costmap.set_map(Grid(0.05, Pose(), np.zeros((100, 100), np.int8)))
     for _ in range(10):
         centres = generator.uniform(0.5, 4.5, (3, 2))
-        points = np.concatenate([centre + generator.normal(0.0, 0.12, (12, 2)) for centre in centres])
+        points = np.concatenate(
+            [centre + generator.normal(0.0, 0.12, (12, 2)) for centre in centres]
+        )
         costmap.reset()
-        costmap.update(Pose(2.5, 2.5), (Observation(replace(LASER, clearing=False), 2.5, 2.5, points),))
+        costmap.update(
+            Pose(2.5, 2.5), (Observation(replace(LASER, clearing=False), 2.5, 2.5, points),)
+        )
         costmap.update(Pose(2.5, 2.5), (Observation(LASER, 2.5, 2.5, points),))
         found = {tuple(point) for point in costmap.unmapped(Pose(2.5, 2.5), 4.0).round(3).tolist()}
-        cells = (np.argwhere(next(iter(costmap._obstacles.values())).cells == LETHAL)[:, ::-1] + 0.5) * 0.05
+        cells = (
+            np.argwhere(next(iter(costmap._obstacles.values())).cells == LETHAL)[:, ::-1] + 0.5
+        ) * 0.05
         apart = np.hypot(*(cells[:, None] - cells[None]).T)
         wide = ((apart > 0.32) & (apart < 0.6)).any(axis=0)
         joined = apart < 0.3

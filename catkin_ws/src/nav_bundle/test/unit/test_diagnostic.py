@@ -18,4 +18,6 @@ from nav_bundle.nodes.estimate import deviation_status
 def test_an_estimate_too_uncertain_in_one_direction_is_a_warning(deviations, level):
     status = deviation_status("amcl", np.diag(np.square(deviations)), (0.2, 0.2, 0.1))
     assert status.level == level
-    assert {value.key: float(value.value) for value in status.values}["std_x"] == pytest.approx(deviations[0])
+    assert {value.key: float(value.value) for value in status.values}["std_x"] == pytest.approx(
+        deviations[0]
+    )

@@ -18,7 +18,13 @@ from nav_bundle.kernels.dynamic_window import Nose
 from nav_bundle.kernels.trajectory import Horizon, Scales
 from pioneer_node.core.parameter import ParameterError
 
-LOCAL = {"rolling_window": True, "width": 4.0, "height": 4.0, "robot_radius": 0.2, "inflation_radius": 0.0}
+LOCAL = {
+    "rolling_window": True,
+    "width": 4.0,
+    "height": 4.0,
+    "robot_radius": 0.2,
+    "inflation_radius": 0.0,
+}
 AHEAD = np.ascontiguousarray(np.linspace((0.0, 0.0, 0.0), (1.5, 0.0, 0.0), 60))
 
 
@@ -43,7 +49,9 @@ def nose_of(alignment, front, twirling):
 
 
 def costs_of(samples, scales, nose, yaw=0.0, aligned=True):
-    window = DynamicWindow(Velocity(9.0, 9.0, 9.0), Horizon(1.0, 0.025, 0.1), scales, Clearance(), nose, False)
+    window = DynamicWindow(
+        Velocity(9.0, 9.0, 9.0), Horizon(1.0, 0.025, 0.1), scales, Clearance(), nose, False
+    )
     assert window.begin_window(situation(yaw=yaw), AHEAD, aligned)
     return [scored.cost for scored in window.all_of(np.array(samples, np.float64))]
 
@@ -51,13 +59,25 @@ def costs_of(samples, scales, nose, yaw=0.0, aligned=True):
 def test_without_parameters_it_has_noetics_defaults():
     config = config_of()
     assert (config.vx_samples, config.vy_samples, config.vth_samples) == (3, 10, 20)
-    assert (config.path_distance_bias, config.goal_distance_bias, config.occdist_scale) == (0.6, 0.8, 0.01)
-    assert (config.min_vel_trans, config.min_vel_theta, config.forward_point_distance) == (0.1, 0.4, 0.325)
+    assert (config.path_distance_bias, config.goal_distance_bias, config.occdist_scale) == (
+        0.6,
+        0.8,
+        0.01,
+    )
+    assert (config.min_vel_trans, config.min_vel_theta, config.forward_point_distance) == (
+        0.1,
+        0.4,
+        0.325,
+    )
 
 
 def test_former_parameter_names_are_understood():
     config = config_of(max_trans_vel=0.7, min_rot_vel=0.3, rot_stopped_vel=0.05)
-    assert (config.max_vel_trans, config.min_vel_theta, config.theta_stopped_vel) == (0.7, 0.3, 0.05)
+    assert (config.max_vel_trans, config.min_vel_theta, config.theta_stopped_vel) == (
+        0.7,
+        0.3,
+        0.05,
+    )
 
 
 @pytest.mark.parametrize(
@@ -78,14 +98,18 @@ def test_parameters_that_make_no_sense_are_refused(wrong):
     ],
 )
 def test_base_local_planner_names_it(name, kind, namespace):
-    setup = setup_from_parameters({"base_local_planner": name, namespace: {"max_vel_x": 0.3}}, "move_base")
+    setup = setup_from_parameters(
+        {"base_local_planner": name, namespace: {"max_vel_x": 0.3}}, "move_base"
+    )
     assert isinstance(setup.make_local_planner(), kind)
     assert (setup.local_planner_name, setup.local_planner.max_vel_x) == (namespace, 0.3)
 
 
 def test_another_local_planner_is_refused_with_those_there_are():
     with pytest.raises(ParameterError, match=r"teb.*there are.*DWAPlannerROS"):
-        setup_from_parameters({"base_local_planner": "teb_local_planner/TebLocalPlannerROS"}, "move_base")
+        setup_from_parameters(
+            {"base_local_planner": "teb_local_planner/TebLocalPlannerROS"}, "move_base"
+        )
 
 
 def test_it_drives_no_faster_than_it_can_get_within_a_cycle():
@@ -101,7 +125,9 @@ def test_it_turns_to_a_plan_beside_it_no_slower_than_min_vel_theta():
 def test_it_never_stands_still_before_the_goal():
     generator = np.random.default_rng(6)
     for _ in range(30):
-        velocity = chosen(Velocity(float(generator.uniform(0.0, 0.5))), yaw=float(generator.uniform(-3.0, 3.0)))
+        velocity = chosen(
+            Velocity(float(generator.uniform(0.0, 0.5))), yaw=float(generator.uniform(-3.0, 3.0))
+        )
         assert math.hypot(velocity.x, velocity.y) >= 0.1 - 1e-9 or abs(velocity.turn) >= 0.4 - 1e-9
 
 
@@ -120,7 +146,9 @@ def test_the_nose_is_drawn_beyond_the_goal():
 
 
 def test_twirling_costs_by_the_turning_speed():
-    costs = costs_of([[0.3, 0.0, -0.5], [0.3, 0.0, 0.25]], Scales(0.0, 0.0, 0.0), nose_of(0.0, 0.0, 2.0))
+    costs = costs_of(
+        [[0.3, 0.0, -0.5], [0.3, 0.0, 0.25]], Scales(0.0, 0.0, 0.0), nose_of(0.0, 0.0, 2.0)
+    )
     assert costs == pytest.approx([1.0, 0.5])
 
 

@@ -12,7 +12,9 @@ CONFIG = Path(__file__).parents[2] / "config"
 
 
 def test_the_manual_holds_every_default() -> None:
-    assert yaml.safe_load((CONFIG / "gmapping_defaults.yaml").read_text()) == dataclasses.asdict(GmappingConfig())
+    assert yaml.safe_load((CONFIG / "gmapping_defaults.yaml").read_text()) == dataclasses.asdict(
+        GmappingConfig()
+    )
 
 
 def test_the_pioneers_parameters_are_valid() -> None:

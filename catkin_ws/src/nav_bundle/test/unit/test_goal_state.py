@@ -23,7 +23,11 @@ class Robot:
     """A navigator in an empty room, with a robot that is carried about."""
 
     def __init__(self, planner):
-        local = {"latch_xy_goal_tolerance": True, "xy_goal_tolerance": 0.25, "yaw_goal_tolerance": 0.1}
+        local = {
+            "latch_xy_goal_tolerance": True,
+            "xy_goal_tolerance": 0.25,
+            "yaw_goal_tolerance": 0.1,
+        }
         shared = {"footprint": BODY, "inflation_radius": 0.3}
         parameters = {
             "base_local_planner": planner,

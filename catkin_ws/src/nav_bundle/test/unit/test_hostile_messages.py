@@ -27,22 +27,50 @@ from nav_bundle.core.slam import Slam
 from nav_bundle.core.transform import Transform, fault_of
 
 ROUNDS = 150
-FLOATS = [0.0, -0.0, 1.0, -1.0, 0.1, 5.0, 1e-38, -1e-30, 1e4, 1e5, -1e6, 3e38, -3e38, math.inf, -math.inf, math.nan]
+FLOATS = [
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    0.1,
+    5.0,
+    1e-38,
+    -1e-30,
+    1e4,
+    1e5,
+    -1e6,
+    3e38,
+    -3e38,
+    math.inf,
+    -math.inf,
+    math.nan,
+]
 MODELS = ["likelihood_field", "likelihood_field_prob", "beam"]
 
 
 def some(generator):
     """Returns a float that a message can hold: usual, extreme, or none at all."""
-    return float(generator.choice(FLOATS)) if generator.random() < 0.5 else float(generator.normal(0.0, 3.0))
+    return (
+        float(generator.choice(FLOATS))
+        if generator.random() < 0.5
+        else float(generator.normal(0.0, 3.0))
+    )
 
 
 def scan_of(generator):
     """Returns a scan of which each field is usual or anything."""
     count = int(generator.choice([0, 1, 2, 60, 180]))
-    usual = {"angle_min": -math.pi, "angle_increment": math.tau / 180, "range_min": 0.1, "range_max": 6.0}
+    usual = {
+        "angle_min": -math.pi,
+        "angle_increment": math.tau / 180,
+        "range_min": 0.1,
+        "range_max": 6.0,
+    }
     scan = LaserScan(ranges=generator.uniform(0.1, 6.0, count))
     for name, value in usual.items():
-        setattr(scan, name, value if generator.random() < 0.7 else float(np.float32(some(generator))))
+        setattr(
+            scan, name, value if generator.random() < 0.7 else float(np.float32(some(generator)))
+        )
     for index in range(count):
         if generator.random() < 0.2:
             scan.ranges[index] = some(generator)
@@ -66,7 +94,9 @@ def some_angle(generator):
 @pytest.mark.parametrize("model", MODELS)
 def test_no_scan_ends_localisation_or_spoils_its_particles(model):
     generator = np.random.default_rng(12)
-    config = AmclConfig(laser_model_type=model, min_particles=20, max_particles=60, laser_max_range=-1.0)
+    config = AmclConfig(
+        laser_model_type=model, min_particles=20, max_particles=60, laser_max_range=-1.0
+    )
     localisation = Localisation(config, generator)
     localisation.set_map(enlarged(CHAMBER, 16))
     localisation.set_pose(Pose(1.5, 1.5), np.eye(3) * 0.1)
@@ -88,12 +118,17 @@ def test_no_scan_ends_mapping():
     generator = np.random.default_rng(13)
     used = 0
     for _ in range(6):
-        slam = Slam(GmappingConfig(particles=2, linearUpdate=0.0, xmin=-5.0, ymin=-5.0, xmax=5.0, ymax=5.0), generator)
+        slam = Slam(
+            GmappingConfig(particles=2, linearUpdate=0.0, xmin=-5.0, ymin=-5.0, xmax=5.0, ymax=5.0),
+            generator,
+        )
         odom = pose_of(generator, 0.5)
         for step in range(8):
             odom = odom.compose(pose_of(generator, 0.1))
             try:
-                used += slam.observe(odom, scan_from_message(scan_of(generator), Transform()), float(step))
+                used += slam.observe(
+                    odom, scan_from_message(scan_of(generator), Transform()), float(step)
+                )
             except NavigationError:
                 continue
             assert np.isfinite(slam.poses).all()
@@ -103,7 +138,9 @@ def test_no_scan_ends_mapping():
 
 def test_a_scan_without_a_limit_of_range_is_mapped_by_its_returns():
     slam = Slam(GmappingConfig(particles=2), np.random.default_rng(1))
-    scan = LaserScan(angle_min=-1.0, angle_increment=0.1, range_max=math.inf, ranges=[2.0, math.inf, 3.0])
+    scan = LaserScan(
+        angle_min=-1.0, angle_increment=0.1, range_max=math.inf, ranges=[2.0, math.inf, 3.0]
+    )
     assert slam.observe(Pose(), scan_from_message(scan, Transform()), 0.0)
     assert slam.maps.tiles < 100
 
@@ -117,8 +154,12 @@ def test_a_scan_without_a_positive_range_is_refused(longest):
 def cloud_of(generator):
     points = generator.normal(0.0, 2.0, (20, 3))
     for _ in range(10):
-        points[generator.integers(20), generator.integers(3)] = generator.choice([*FLOATS, 1e200, -1e308, 1e308])
-    fields = [PointField(name, 8 * number, PointField.FLOAT64, 1) for number, name in enumerate("xyz")]
+        points[generator.integers(20), generator.integers(3)] = generator.choice(
+            [*FLOATS, 1e200, -1e308, 1e308]
+        )
+    fields = [
+        PointField(name, 8 * number, PointField.FLOAT64, 1) for number, name in enumerate("xyz")
+    ]
     return PointCloud2(None, 1, 20, fields, False, 24, 480, points.astype("<f8").tobytes(), False)
 
 
@@ -147,7 +188,11 @@ def test_no_scan_or_cloud_ends_a_costmap():
 def test_transforms_that_are_larger_than_any_place_on_earth_are_refused():
     generator = np.random.default_rng(15)
     for _ in range(ROUNDS):
-        place = tuple(generator.choice([0.0, 5e5, LARGEST, 1e9, 1e200, -1e308, math.inf, math.nan], 3).tolist())
+        place = tuple(
+            generator.choice(
+                [0.0, 5e5, LARGEST, 1e9, 1e200, -1e308, math.inf, math.nan], 3
+            ).tolist()
+        )
         fault = fault_of("odom", "base_link", Transform(place))
         assert bool(fault) == (not all(abs(value) <= LARGEST for value in place))
 
@@ -183,7 +228,9 @@ def test_negative_ranges_are_no_measurements_whatever_the_smallest_range() -> No
 
 
 def test_particles_all_over_the_earth_end_nothing() -> None:
-    localisation = Localisation(AmclConfig(max_particles=100, min_particles=50), np.random.default_rng(1))
+    localisation = Localisation(
+        AmclConfig(max_particles=100, min_particles=50), np.random.default_rng(1)
+    )
     localisation.set_map(enlarged(CHAMBER, 16))
     localisation.set_pose(Pose(), np.diag([1e15, 1e15, 10.0]))
     scan = LaserScan(angle_min=-1.0, angle_increment=0.1, range_max=5.0, ranges=[2.0] * 20)

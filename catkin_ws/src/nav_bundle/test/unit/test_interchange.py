@@ -15,7 +15,12 @@ import roslib.packages
 import rospkg
 
 LAUNCH = Path(__file__).parents[2] / "launch"
-CPP = {"amcl": "amcl", "map_server": "map_server", "move_base": "move_base", "gmapping": "slam_gmapping"}
+CPP = {
+    "amcl": "amcl",
+    "map_server": "map_server",
+    "move_base": "move_base",
+    "gmapping": "slam_gmapping",
+}
 NAVIGATION = set(CPP.values())
 FILES = {
     "map_server.launch": {"map_server"},
@@ -71,16 +76,23 @@ def test_without_it_all_nodes_are_ours(file: str) -> None:
 
 
 def test_localisation_and_navigation_start_again_when_they_die() -> None:
-    assert {node.type for node in launched("single_navigation.launch") if node.respawn} == {"amcl", "move_base"}
+    assert {node.type for node in launched("single_navigation.launch") if node.respawn} == {
+        "amcl",
+        "move_base",
+    }
 
 
 def test_slam_alone_starts_gmapping(packages: rospkg.RosPack) -> None:
     for package in ("navigation", "gmapping"):
-        assert navigation_nodes("single_slam.launch", f"slam_pkg:={package}") == [("gmapping", "slam_gmapping")]
+        assert navigation_nodes("single_slam.launch", f"slam_pkg:={package}") == [
+            ("gmapping", "slam_gmapping")
+        ]
 
 
 def test_nodes_of_both_can_be_mixed() -> None:
     nodes = navigation_nodes("single_navigation.launch", "amcl_pkg:=amcl")
     assert nodes == [("amcl", "amcl"), ("nav_bundle", "move_base")]
-    nodes = navigation_nodes("single_navigation.launch", "nav_pkg:=navigation", "amcl_pkg:=nav_bundle")
+    nodes = navigation_nodes(
+        "single_navigation.launch", "nav_pkg:=navigation", "amcl_pkg:=nav_bundle"
+    )
     assert nodes == [("nav_bundle", "amcl"), ("move_base", "move_base")]

@@ -15,7 +15,11 @@ TABLE = np.zeros(2, np.uint8)
 @pytest.mark.parametrize(
     ("cells", "points", "words"),
     [
-        (CELLS, POINTS.astype(np.int64), r"kernel mark_points: rays: points must be float64\[2\], .* got int64\[2\]"),
+        (
+            CELLS,
+            POINTS.astype(np.int64),
+            r"kernel mark_points: rays: points must be float64\[2\], .* got int64\[2\]",
+        ),
         (CELLS.astype(np.int8), POINTS, r"cells must be uint8\[2\]"),
         (CELLS, np.zeros((3, 4))[:, ::2], "not contiguous"),
         (CELLS, np.zeros(6), r"got float64\[1\]"),

@@ -24,9 +24,19 @@ def brute_force(cells: NDArray[np.int8], cap: int) -> NDArray[np.int64]:
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 30), st.integers(1, 30), st.integers(1, 12), st.floats(0, 0.3))
-def test_the_distance_field_is_exact(seed: int, rows: int, cols: int, cap: int, share: float) -> None:
-    cells = np.where(np.random.default_rng(seed).random((rows, cols)) < share, OCCUPIED, 0).astype(np.int8)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(1, 30),
+    st.integers(1, 30),
+    st.integers(1, 12),
+    st.floats(0, 0.3),
+)
+def test_the_distance_field_is_exact(
+    seed: int, rows: int, cols: int, cap: int, share: float
+) -> None:
+    cells = np.where(np.random.default_rng(seed).random((rows, cols)) < share, OCCUPIED, 0).astype(
+        np.int8
+    )
     field = np.empty(cells.shape, np.uint16)
     likelihood.distance_field(cells, OCCUPIED, cap, field)
     assert (field == brute_force(cells, cap)).all()
@@ -42,7 +52,9 @@ def test_a_read_only_map_has_a_field() -> None:
 @pytest.mark.parametrize("yaw", [0.0, 0.7, -2.0])
 def test_a_ray_measures_to_the_first_wall(yaw: float) -> None:
     # If the map and the robot are rotated together, the ranges stay the same.
-    grid = grid_from_text(["########", "#......#", "#......#", "########"], 0.5, Pose(1.0, 2.0, yaw))
+    grid = grid_from_text(
+        ["########", "#......#", "#......#", "########"], 0.5, Pose(1.0, 2.0, yaw)
+    )
     robot = grid.origin.compose(Pose(1.25, 1.0, 0.0))
     poses = np.array([[robot.x, robot.y, robot.yaw]])
     bearings = np.array([0.0, math.pi / 2, math.pi, -math.pi / 2])
@@ -55,7 +67,15 @@ def test_a_ray_measures_to_the_first_wall(yaw: float) -> None:
 def test_a_ray_that_leaves_the_map_sees_nothing() -> None:
     grid = grid_from_text(["..."])
     ranges = np.empty((1, 1))
-    arguments = (np.array([[0.5, 0.5, 0.0]]), np.zeros(3), np.zeros(1), grid.cells, placement(grid), 7.0, ranges)
+    arguments = (
+        np.array([[0.5, 0.5, 0.0]]),
+        np.zeros(3),
+        np.zeros(1),
+        grid.cells,
+        placement(grid),
+        7.0,
+        ranges,
+    )
     likelihood.expected_ranges(*arguments)
     assert ranges.tolist() == [[7.0]]
 

@@ -21,7 +21,9 @@ SETUP = setup_from_parameters(PARAMETERS, "/move_base")
 
 
 def changed(namespace, **changes):
-    return setup_from_parameters(changed_parameters(PARAMETERS, SETUP, namespace, changes), "/move_base")
+    return setup_from_parameters(
+        changed_parameters(PARAMETERS, SETUP, namespace, changes), "/move_base"
+    )
 
 
 def test_every_part_of_move_base_has_noetics_namespace():
@@ -61,7 +63,10 @@ def test_a_former_name_does_not_win_over_a_change():
 
 
 def test_a_default_that_follows_another_parameter_stays_where_it_is():
-    assert changed("TrajectoryPlannerROS", sim_granularity=0.2).local_planner.angular_sim_granularity == 0.1
+    assert (
+        changed("TrajectoryPlannerROS", sim_granularity=0.2).local_planner.angular_sim_granularity
+        == 0.1
+    )
 
 
 def test_the_other_local_planner_can_be_chosen():

@@ -17,7 +17,13 @@ from nav_bundle.core.costmap.layer import Observation
 from nav_bundle.core.dwa_config import DwaConfig, dwa_config_from_parameters
 from nav_bundle.core.dwa_planner import DwaPlanner, DynamicWindow
 from nav_bundle.core.grid import OCCUPIED, Grid
-from nav_bundle.core.local_planner import STANDSTILL, Decision, LocalPlannerError, Situation, Velocity
+from nav_bundle.core.local_planner import (
+    STANDSTILL,
+    Decision,
+    LocalPlannerError,
+    Situation,
+    Velocity,
+)
 from nav_bundle.core.move_base_config import Care
 from nav_bundle.core.navfn import MEETING_DISTANCE, NavfnConfig, NavfnPlanner
 from nav_bundle.core.planner import path_between
@@ -40,8 +46,16 @@ SENSING = {
     "raytrace_range": 3.0,
     "cost_scaling_factor": 5.0,
 }
-GLOBAL = costmap_config_from_parameters({**SENSING, "static_map": True, "inflation_radius": 1.5}, "global")
-WINDOW = {"rolling_window": True, "width": 3.0, "height": 3.0, "inflation_radius": 2.0, "global_frame": "odom"}
+GLOBAL = costmap_config_from_parameters(
+    {**SENSING, "static_map": True, "inflation_radius": 1.5}, "global"
+)
+WINDOW = {
+    "rolling_window": True,
+    "width": 3.0,
+    "height": 3.0,
+    "inflation_radius": 2.0,
+    "global_frame": "odom",
+}
 LOCAL = costmap_config_from_parameters({**SENSING, **WINDOW}, "local")
 PARAMETERS = {
     "max_vel_x": 1.0,
@@ -57,7 +71,9 @@ PARAMETERS = {
 
 
 def config_of(**parameters):
-    return trajectory_config_from_parameters({**PARAMETERS, **parameters}, "TrajectoryPlannerROS", 1.0 / PERIOD)
+    return trajectory_config_from_parameters(
+        {**PARAMETERS, **parameters}, "TrajectoryPlannerROS", 1.0 / PERIOD
+    )
 
 
 SHIPPED = Path(__file__).parents[3] / "pioneer_2dnav" / "config" / "dwa_local_planner_params.yaml"
@@ -65,14 +81,18 @@ DWA_PARAMETERS = yaml.safe_load(SHIPPED.read_text())["DWAPlannerROS"]
 
 
 def dwa_config_of(**parameters):
-    return dwa_config_from_parameters({**DWA_PARAMETERS, **parameters}, "DWAPlannerROS", 1.0 / PERIOD)
+    return dwa_config_from_parameters(
+        {**DWA_PARAMETERS, **parameters}, "DWAPlannerROS", 1.0 / PERIOD
+    )
 
 
 def heading_config_of(**parameters):
     return config_of(heading_scoring=True, heading_scoring_timestep=0.8, **parameters)
 
 
-@pytest.fixture(params=[config_of, heading_config_of, dwa_config_of], ids=["rollout", "headings", "dwa"])
+@pytest.fixture(
+    params=[config_of, heading_config_of, dwa_config_of], ids=["rollout", "headings", "dwa"]
+)
 def configure(request):
     """Returns each local planner's configuration factory in turn; the contract tests below apply to all of them."""
     return request.param
@@ -85,7 +105,10 @@ NEAREST = {config_of: 0.6, dwa_config_of: 0.55}
 def world_of(rows, scale):
     """Returns the grid of a drawing whose symbols are ``scale`` [m] wide."""
     cells = round(scale / RESOLUTION)
-    return grid_from_text(["".join(symbol * cells for symbol in row) for row in rows for _ in range(cells)], RESOLUTION)
+    return grid_from_text(
+        ["".join(symbol * cells for symbol in row) for row in rows for _ in range(cells)],
+        RESOLUTION,
+    )
 
 
 class World:
@@ -107,7 +130,13 @@ class World:
         cells = self.grid.cells == OCCUPIED
         if self.other is not None:
             rows, cols = np.mgrid[: cells.shape[0], : cells.shape[1]]
-            near = np.hypot((cols + 0.5) * RESOLUTION - self.other.x, (rows + 0.5) * RESOLUTION - self.other.y) < 0.25
+            near = (
+                np.hypot(
+                    (cols + 0.5) * RESOLUTION - self.other.x,
+                    (rows + 0.5) * RESOLUTION - self.other.y,
+                )
+                < 0.25
+            )
             cells = cells | near
         return cells
 
@@ -137,7 +166,9 @@ class World:
     def move(self, command):
         forward = np.clip(command.x - self.velocity.x, -2.5 * PERIOD, 2.5 * PERIOD)
         turn = np.clip(command.turn - self.velocity.turn, -3.2 * PERIOD, 3.2 * PERIOD)
-        self.velocity = Velocity(self.velocity.x + float(forward), 0.0, self.velocity.turn + float(turn))
+        self.velocity = Velocity(
+            self.velocity.x + float(forward), 0.0, self.velocity.turn + float(turn)
+        )
         x, y = self.pose.apply(self.velocity.x * PERIOD, 0.0)
         self.pose = Pose(x, y, self.pose.yaw + self.velocity.turn * PERIOD)
         self.way += abs(self.velocity.x) * PERIOD
@@ -147,7 +178,10 @@ class World:
         outline = Footprint(BODY).outline(self.pose)
         fractions = np.linspace(0.0, 1.0, 12)[:, None, None]
         points = (outline + fractions * (np.roll(outline, -1, axis=0) - outline)).reshape(-1, 2)
-        rows, cols = (points[:, 1] / RESOLUTION).astype(int), (points[:, 0] / RESOLUTION).astype(int)
+        rows, cols = (
+            (points[:, 1] / RESOLUTION).astype(int),
+            (points[:, 0] / RESOLUTION).astype(int),
+        )
         return bool(self.solid()[rows, cols].any())
 
     def cycles(self, goal, seconds):
@@ -179,7 +213,13 @@ class World:
 CORRIDOR = ["##########", "#........#", "##########"]
 BEND = ["#####....", "....#....", "###.#####", "..#.....#", "..#####.#", "......#.#", "......###"]
 HALL = ["#" * 16, *["#" + "." * 14 + "#"] * 6, "#" * 16]
-DOORWAY = ["#" * 16, *["#......##......#"] * 2, "#" + "." * 14 + "#", *["#......##......#"] * 2, "#" * 16]
+DOORWAY = [
+    "#" * 16,
+    *["#......##......#"] * 2,
+    "#" + "." * 14 + "#",
+    *["#......##......#"] * 2,
+    "#" * 16,
+]
 
 
 @pytest.mark.parametrize("heading", [0.0, math.pi / 2, math.pi, -math.pi / 2])
@@ -208,7 +248,12 @@ def test_it_takes_the_corners_of_a_narrow_bend(configure):
 
 @pytest.mark.parametrize(
     ("drawing", "scale", "first_y", "second_y"),
-    [(HALL, 0.8, 3.2, 3.2), (HALL, 0.8, 3.4, 3.0), (HALL, 0.8, 2.8, 3.6), (CORRIDOR, 1.6, 2.4, 2.4)],
+    [
+        (HALL, 0.8, 3.2, 3.2),
+        (HALL, 0.8, 3.4, 3.0),
+        (HALL, 0.8, 2.8, 3.6),
+        (CORRIDOR, 1.6, 2.4, 2.4),
+    ],
     ids=["head-on", "on the left", "on the right", "in a corridor of 1.6 m"],
 )
 @pytest.mark.parametrize("configure", NEAREST, ids=["rollout", "dwa"])
@@ -226,12 +271,16 @@ def test_two_robots_pass_each_other(configure, drawing, scale, first_y, second_y
 
 def test_no_command_leads_into_what_the_costmap_calls_lethal(configure):
     generator = np.random.default_rng(4)
-    rows = ["".join("#" if generator.random() < 0.06 else "." for _ in range(24)) for _ in range(24)]
+    rows = [
+        "".join("#" if generator.random() < 0.06 else "." for _ in range(24)) for _ in range(24)
+    ]
     grid = world_of(rows, 0.3)
     for _ in range(60):
         x, y, yaw = (float(value) for value in generator.uniform((1.5, 1.5, -3.0), (5.5, 5.5, 3.0)))
         world = World(grid, Pose(x, y, yaw), configure())
-        world.velocity = Velocity(float(generator.uniform(0.0, 0.5)), 0.0, float(generator.uniform(-0.5, 0.5)))
+        world.velocity = Velocity(
+            float(generator.uniform(0.0, 0.5)), 0.0, float(generator.uniform(-0.5, 0.5))
+        )
         world.look()
         gx, gy = generator.uniform(-1.0, 1.0, 2)
         track = np.linspace((x, y, 0.0), (x + gx, y + gy, 0.0), 30)
@@ -265,12 +314,16 @@ def test_with_a_wall_in_front_it_backs_up():
     assert world.decide().velocity == Velocity(-0.2)
 
 
-@pytest.mark.parametrize(("gap", "beside", "heading"), [(0.30, 0.4, 0.0), (0.35, 0.25, 0.0), (0.35, 0.4, 0.3)])
+@pytest.mark.parametrize(
+    ("gap", "beside", "heading"), [(0.30, 0.4, 0.0), (0.35, 0.25, 0.0), (0.35, 0.4, 0.3)]
+)
 def test_out_of_a_dead_end_it_takes_another_way(gap, beside, heading):
     """With the goal behind a thin wall, the cheapest trajectory used to lead into the wall again and again."""
     cells = np.zeros((140, 160), np.int8)
     cells[:75, 79:81] = OCCUPIED
-    world = World(Grid(RESOLUTION, Pose(), cells), Pose(3.95 - gap, 3.75 - beside, heading), config_of())
+    world = World(
+        Grid(RESOLUTION, Pose(), cells), Pose(3.95 - gap, 3.75 - beside, heading), config_of()
+    )
     world.drive(Pose(6.5, 1.5), 20.0)
 
 
@@ -279,18 +332,23 @@ def tilted_passage(tilt):
     row, col = np.mgrid[:160, :160]
     x, y = ((index + 0.5) * RESOLUTION - 4.0 for index in (col, row))
     along, across = x * math.cos(tilt) + y * math.sin(tilt), y * math.cos(tilt) - x * math.sin(tilt)
-    cells = np.where(((np.abs(across) > 0.6) & (along > -0.5)) | (along > 3.6), OCCUPIED, 0).astype(np.int8)
+    cells = np.where(((np.abs(across) > 0.6) & (along > -0.5)) | (along > 3.6), OCCUPIED, 0).astype(
+        np.int8
+    )
     cells[:2] = cells[-2:] = cells[:, :2] = cells[:, -2:] = OCCUPIED
     return Grid(RESOLUTION, Pose(), cells)
 
 
 @pytest.mark.parametrize(
-    ("tilt", "gap", "into"), [(0.08, 0.255, 0.1), (0.08, 0.265, 0.2), (0.15, 0.265, 0.2), (0.15, 0.28, 0.2)]
+    ("tilt", "gap", "into"),
+    [(0.08, 0.255, 0.1), (0.08, 0.265, 0.2), (0.15, 0.265, 0.2), (0.15, 0.28, 0.2)],
 )
 def test_a_robot_close_beside_a_wall_gets_away_from_it(tilt, gap, into):
     """It used to back up 10 cm and return to the same place forever, or found no way back that was free for 1.7 s."""
     passage = Pose(4.0, 4.0, tilt)
-    world = World(tilted_passage(tilt), passage.compose(Pose(2.3, 0.6 - gap, math.pi - into)), config_of())
+    world = World(
+        tilted_passage(tilt), passage.compose(Pose(2.3, 0.6 - gap, math.pi - into)), config_of()
+    )
     world.drive(passage.compose(Pose(-2.5, 0.0)), 60.0)
 
 
@@ -318,7 +376,12 @@ def test_a_latched_place_needs_not_be_reached_again(configure, latch):
     assert (world.decide().velocity.x == 0.0) == latch
 
 
-ROLLOUT = Rollout(Velocity(2.5, 2.5, 3.2), Horizon(1.7, 0.025, 0.025), Scales(0.04, 0.05, 0.0005), Clearance(0.3, 5.0))
+ROLLOUT = Rollout(
+    Velocity(2.5, 2.5, 3.2),
+    Horizon(1.7, 0.025, 0.025),
+    Scales(0.04, 0.05, 0.0005),
+    Clearance(0.3, 5.0),
+)
 HEADINGS = Rollout(
     Velocity(2.5, 2.5, 3.2),
     Horizon(1.7, 0.025, 0.025, heading=0.5),
@@ -347,22 +410,36 @@ def test_the_pruned_search_finds_the_winner_of_the_whole_one(rollout):
     world.look()
     plan = path_between(NavfnPlanner(NavfnConfig()), world.map, world.pose, Pose(12.0, 4.0))
     for _ in range(20):
-        velocity = Velocity(float(generator.uniform(0, 0.6)), 0.0, float(generator.uniform(-0.8, 0.8)))
+        velocity = Velocity(
+            float(generator.uniform(0, 0.6)), 0.0, float(generator.uniform(-0.8, 0.8))
+        )
         situation = Situation(world.local, world.pose, velocity, Pose())
         is_window = isinstance(rollout, DynamicWindow)
-        assert rollout.begin_window(situation, plan, True) if is_window else rollout.begin(situation, plan)
-        samples = np.ascontiguousarray(generator.uniform((0.0, 0.0, -1.0), (0.8, 1e-9, 1.0), (200, 3)))
+        assert (
+            rollout.begin_window(situation, plan, True)
+            if is_window
+            else rollout.begin(situation, plan)
+        )
+        samples = np.ascontiguousarray(
+            generator.uniform((0.0, 0.0, -1.0), (0.8, 1e-9, 1.0), (200, 3))
+        )
         every = rollout.all_of(samples)
         assert rollout.cheapest(samples) == min(every, key=lambda scored: scored.cost, default=None)
         limit = float(np.median([scored.cost for scored in every])) if every else 0.0
-        assert rollout.all_of(samples, limit) == [scored for scored in every if scored.cost <= limit]
+        assert rollout.all_of(samples, limit) == [
+            scored for scored in every if scored.cost <= limit
+        ]
         for scored in every:
-            off = np.abs(rollout.poses(scored.velocity) - (scored.end.x, scored.end.y, scored.end.yaw)).max(axis=1)
+            off = np.abs(
+                rollout.poses(scored.velocity) - (scored.end.x, scored.end.y, scored.end.yaw)
+            ).max(axis=1)
             assert off[slice(None) if rollout is HEADINGS else -1].min() < 1e-9
 
 
 def test_former_parameter_names_are_understood():
-    config = config_of(acc_lim_th=1.5, max_rotational_vel=0.7, path_distance_bias=0.4, backup_vel=-0.3)
+    config = config_of(
+        acc_lim_th=1.5, max_rotational_vel=0.7, path_distance_bias=0.4, backup_vel=-0.3
+    )
     assert (config.acc_lim_theta, config.max_vel_theta, config.min_vel_theta) == (1.5, 0.7, -0.7)
 
 

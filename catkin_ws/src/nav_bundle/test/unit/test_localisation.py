@@ -32,7 +32,9 @@ class FakeRobot:
     def drive(self, length: float, turn: float) -> None:
         self.pose = self.pose.compose(Pose(length, 0.0, turn))
         turn += self.generator.normal(0, 0.02 * abs(turn) + 0.01 * length)
-        self.odom = self.odom.compose(Pose(1.03 * length + self.generator.normal(0, 0.02 * length), 0.0, turn))
+        self.odom = self.odom.compose(
+            Pose(1.03 * length + self.generator.normal(0, 0.02 * length), 0.0, turn)
+        )
 
     def scan(self) -> Scan:
         noisy = ranges_at(self.grid, self.pose, LASER) + self.generator.normal(0, 0.01, 180)
@@ -105,13 +107,17 @@ def test_things_the_map_does_not_know_mislead_nobody() -> None:
 
 @pytest.mark.parametrize("model", ["beam", "likelihood_field_prob"])
 def test_every_laser_model_tracks_the_robot(model: str) -> None:
-    config = dataclasses.replace(CONFIG, laser_model_type=model, do_beamskip=True, odom_model_type="diff-corrected")
+    config = dataclasses.replace(
+        CONFIG, laser_model_type=model, do_beamskip=True, odom_model_type="diff-corrected"
+    )
     assert errors_along(*localised(config, 4), laps=1)[60:].mean() < 0.08
 
 
 @pytest.mark.parametrize("seed", [1, 2, 4])
 def test_a_robot_put_elsewhere_is_found_again(seed: int) -> None:
-    config = dataclasses.replace(CONFIG, recovery_alpha_slow=0.001, recovery_alpha_fast=0.1, max_particles=4000)
+    config = dataclasses.replace(
+        CONFIG, recovery_alpha_slow=0.001, recovery_alpha_fast=0.1, max_particles=4000
+    )
     robot, localisation = localised(config, seed)
     errors_along(robot, localisation, laps=1)
     robot.pose = Pose(4.2, 4.3, 1.0)
@@ -181,4 +187,6 @@ def test_a_laser_mounted_upside_down_is_read_the_other_way_round() -> None:
         scan, ranges=scan.ranges[::-1], angle_min=math.pi, angle_increment=-scan.angle_increment
     )
     points = scan.thinned(180, 0, 0).end_points()
-    assert np.allclose(np.sort(points, axis=0), np.sort(flipped.thinned(180, 0, 0).end_points(), axis=0), atol=1e-5)
+    assert np.allclose(
+        np.sort(points, axis=0), np.sort(flipped.thinned(180, 0, 0).end_points(), axis=0), atol=1e-5
+    )

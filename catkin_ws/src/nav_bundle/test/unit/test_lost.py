@@ -53,12 +53,18 @@ class Trial:
         while True:
             x, y, yaw = self.generator.uniform([0.4, 0.4, -math.pi], [9.6, 6.6, math.pi])
             cell = BUILDING.cell_at(x, y)
-            if BUILDING.cells[cell] == FREE and CLEARANCE.cells.squares[cell] > (0.4 / BUILDING.resolution) ** 2:
+            if (
+                BUILDING.cells[cell] == FREE
+                and CLEARANCE.cells.squares[cell] > (0.4 / BUILDING.resolution) ** 2
+            ):
                 return Pose(x, y, yaw)
 
     def right(self) -> bool:
         error = self.belief.compose(self.odom)
-        return error.distance(self.pose) < 0.3 and abs(angle_difference(error.yaw, self.pose.yaw)) < 0.3
+        return (
+            error.distance(self.pose) < 0.3
+            and abs(angle_difference(error.yaw, self.pose.yaw)) < 0.3
+        )
 
     def wander(self, seconds: float) -> Iterator[bool]:
         """Yields for each scan whether the robot's pose estimate is right."""
@@ -66,7 +72,9 @@ class Trial:
             ranges = ranges_at(BUILDING, self.pose, LASER) + self.generator.normal(0.0, 0.01, 180)
             if self.localisation.due(self.odom):
                 scan = Scan(ranges.astype(np.float32), -math.pi, math.tau / 179, 0.1, 30.0, LASER)
-                self.belief = self.localisation.advance(self.odom, scan).map_from_odom or self.belief
+                self.belief = (
+                    self.localisation.advance(self.odom, scan).map_from_odom or self.belief
+                )
             yield self.right()
             speed, turn = self.wanderer.command(ranges, BEARINGS)
             step = Pose(speed * PERIOD, 0.0, turn * PERIOD)

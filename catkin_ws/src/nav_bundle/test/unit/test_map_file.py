@@ -34,22 +34,32 @@ def test_the_top_row_of_the_image_is_the_last_of_the_map(tmp_path: Path) -> None
 
 
 def test_a_negated_map_has_white_walls(tmp_path: Path) -> None:
-    assert read_map(map_of(tmp_path, [[0, 100, 255]], "negate: 1\n")).cells.tolist() == [[0, -1, 100]]
+    assert read_map(map_of(tmp_path, [[0, 100, 255]], "negate: 1\n")).cells.tolist() == [
+        [0, -1, 100]
+    ]
 
 
 def test_a_scaled_map_keeps_shades(tmp_path: Path) -> None:
-    cells = read_map(map_of(tmp_path, [[0, 100, 150, 200, 255]], "negate: 0\nmode: scale\n")).cells[0].tolist()
+    cells = (
+        read_map(map_of(tmp_path, [[0, 100, 150, 200, 255]], "negate: 0\nmode: scale\n"))
+        .cells[0]
+        .tolist()
+    )
     assert (cells[0], cells[-1]) == (100, 0)
     assert 99 >= cells[1] > cells[2] > cells[3] >= 1
 
 
 def test_a_raw_map_is_its_pixels_as_signed_bytes(tmp_path: Path) -> None:
     pixels = [[0, 50, 100, 101, 150, 255]]
-    assert read_map(map_of(tmp_path, pixels, "mode: raw\n")).cells.tolist() == [[0, 50, 100, 101, -106, -1]]
+    assert read_map(map_of(tmp_path, pixels, "mode: raw\n")).cells.tolist() == [
+        [0, 50, 100, 101, -106, -1]
+    ]
 
 
 def test_a_raw_map_obeys_negate(tmp_path: Path) -> None:
-    assert read_map(map_of(tmp_path, [[50, 150]], "mode: raw\nnegate: 1\n")).cells.tolist() == [[-51, 105]]
+    assert read_map(map_of(tmp_path, [[50, 150]], "mode: raw\nnegate: 1\n")).cells.tolist() == [
+        [-51, 105]
+    ]
 
 
 @pytest.mark.parametrize("text", ["0", '"0"', "'0'", "false", '"false"', "0x0"])
@@ -64,7 +74,9 @@ def test_a_flag_that_is_set_means_the_same_in_quotes(tmp_path: Path, text: str) 
 
 def test_thresholds_the_wrong_way_round_are_taken_and_occupied_comes_first(tmp_path: Path) -> None:
     path = map_of(tmp_path, [[0, 128, 254]])
-    path.write_text("image: room.pgm\nresolution: 0.1\norigin: [0, 0, 0]\noccupied_thresh: 0.2\nfree_thresh: 0.8\n")
+    path.write_text(
+        "image: room.pgm\nresolution: 0.1\norigin: [0, 0, 0]\noccupied_thresh: 0.2\nfree_thresh: 0.8\n"
+    )
     assert read_map(path).cells.tolist() == [[100, 100, 0]]
 
 
@@ -77,7 +89,9 @@ def test_a_transparent_shade_is_unknown_in_scale_mode(tmp_path: Path) -> None:
     assert read_map(path).cells.tolist() == [[47, 47, -1, 100, 0]]
 
 
-def test_an_image_above_the_limit_of_pil_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_image_above_the_limit_of_pil_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = map_of(tmp_path, [[0] * 40] * 30)
     monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 100)
     assert read_map(path).cells.shape == (30, 40)
@@ -156,8 +170,18 @@ def test_random_maps_of_every_format_follow_the_documented_rules(tmp_path: Path,
         for row, col in np.ndindex(cells.shape):
             values = [int(value) for value in pixels[len(cells) - 1 - row, col]]
             alpha = values.pop() if transparent else 255
-            expected = cell_by_the_documented_rules(tuple(values), alpha, cells_mode, negate, occupied, free)
-            assert cells[row, col] == expected, (kind, cells_mode, negate, values, alpha, occupied, free)
+            expected = cell_by_the_documented_rules(
+                tuple(values), alpha, cells_mode, negate, occupied, free
+            )
+            assert cells[row, col] == expected, (
+                kind,
+                cells_mode,
+                negate,
+                values,
+                alpha,
+                occupied,
+                free,
+            )
 
 
 def test_a_coloured_image_counts_by_its_mean(tmp_path: Path) -> None:
@@ -180,21 +204,55 @@ def test_a_written_map_is_read_back(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "error", "says"),
     [
-        ("image: none.pgm\nresolution: 1\norigin: [0, 0, 0]", MapFileMissingError, "none.pgm does not exist"),
-        ("image: room.yaml\nresolution: 1\norigin: [0, 0, 0]", MapImageError, "room.yaml is not an image"),
+        (
+            "image: none.pgm\nresolution: 1\norigin: [0, 0, 0]",
+            MapFileMissingError,
+            "none.pgm does not exist",
+        ),
+        (
+            "image: room.yaml\nresolution: 1\norigin: [0, 0, 0]",
+            MapImageError,
+            "room.yaml is not an image",
+        ),
         ("resolution: 1\norigin: [0, 0, 0]", MapMetadataError, "has no image"),
         ("image: a\nresolution: 1\norigin: [0, 0]", MapMetadataError, "does not describe a map"),
-        ("image: a\nresolution: 0\norigin: [0, 0, 0]", MapMetadataError, "resolution must be positive"),
-        ("image: a\nresolution: 1\norigin: [0, 0, -nan]", MapMetadataError, "origin must be three finite numbers"),
-        ("image: a\nresolution: 1\norigin: [0, .inf, 0]", MapMetadataError, "origin must be three finite numbers"),
-        ("image: a\nresolution: 1\norigin: [0, 0, 0]\nnegate: maybe", MapMetadataError, "negate must be 0 or 1"),
-        ("image: a\nresolution: 1\norigin: [0, 0, 0]\nfree_thresh: .nan", MapMetadataError, "must be numbers, not nan"),
-        ("image: a\nresolution: 1\norigin: [0, 0, 0]\nmode: dark", MapMetadataError, "mode must be one of"),
+        (
+            "image: a\nresolution: 0\norigin: [0, 0, 0]",
+            MapMetadataError,
+            "resolution must be positive",
+        ),
+        (
+            "image: a\nresolution: 1\norigin: [0, 0, -nan]",
+            MapMetadataError,
+            "origin must be three finite numbers",
+        ),
+        (
+            "image: a\nresolution: 1\norigin: [0, .inf, 0]",
+            MapMetadataError,
+            "origin must be three finite numbers",
+        ),
+        (
+            "image: a\nresolution: 1\norigin: [0, 0, 0]\nnegate: maybe",
+            MapMetadataError,
+            "negate must be 0 or 1",
+        ),
+        (
+            "image: a\nresolution: 1\norigin: [0, 0, 0]\nfree_thresh: .nan",
+            MapMetadataError,
+            "must be numbers, not nan",
+        ),
+        (
+            "image: a\nresolution: 1\norigin: [0, 0, 0]\nmode: dark",
+            MapMetadataError,
+            "mode must be one of",
+        ),
         ("image: [", MapMetadataError, "is not valid YAML"),
         ("just words", MapMetadataError, "does not describe a map"),
     ],
 )
-def test_a_wrong_file_is_named_in_one_line(tmp_path: Path, text: str, error: type[MapError], says: str) -> None:
+def test_a_wrong_file_is_named_in_one_line(
+    tmp_path: Path, text: str, error: type[MapError], says: str
+) -> None:
     (tmp_path / "room.yaml").write_text(text)
     with pytest.raises(error, match=says) as caught:
         read_map(tmp_path / "room.yaml")

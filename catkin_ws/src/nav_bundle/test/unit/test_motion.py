@@ -12,7 +12,9 @@ from nav_bundle.core.pose import Pose
 QUIET: Alphas = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def moved(name: str, alphas: Alphas, before: Pose, after: Pose, start: Pose, count: int = 1) -> np.ndarray:
+def moved(
+    name: str, alphas: Alphas, before: Pose, after: Pose, start: Pose, count: int = 1
+) -> np.ndarray:
     particles = np.tile([start.x, start.y, start.yaw], (count, 1))
     motion_model(name, alphas)(particles, before, after, np.random.default_rng(3))
     return particles
@@ -34,7 +36,8 @@ def test_without_noise_particles_repeat_the_step(name: str, step: Pose) -> None:
 def test_noise_grows_with_the_step_and_is_none_at_rest(name: str) -> None:
     alphas = (0.2, 0.2, 0.2, 0.2, 0.2)
     spreads = [
-        moved(name, alphas, Pose(), Pose(length, 0.0, 0.0), Pose(), 4000).std(axis=0) for length in (0.0, 0.5, 1.0)
+        moved(name, alphas, Pose(), Pose(length, 0.0, 0.0), Pose(), 4000).std(axis=0)
+        for length in (0.0, 0.5, 1.0)
     ]
     assert np.allclose(spreads[0], 0.0, atol=1e-12)
     assert (spreads[2] > 1.5 * spreads[1]).all()

@@ -45,7 +45,9 @@ class Machine:
 
     def cycle(self, **inputs):
         self.now += PERIOD
-        self.state, self.command, self.events = advance(self.state, Inputs(**inputs), self.now, self.limits)
+        self.state, self.command, self.events = advance(
+            self.state, Inputs(**inputs), self.now, self.limits
+        )
         return self.events
 
     def until(self, condition, seconds=60.0, **inputs):
@@ -83,7 +85,10 @@ def test_a_robot_that_pushes_recovers_and_gives_up_after_the_last_behaviour():
     machine = Machine()
     machine.drive()
     for index in range(LIMITS.recoveries):
-        assert any(isinstance(event, Warn) for event in machine.cycle(control=GO, pushing=True, pose=Pose()))
+        assert any(
+            isinstance(event, Warn)
+            for event in machine.cycle(control=GO, pushing=True, pose=Pose())
+        )
         assert (machine.state.phase, machine.command) == (Phase.CLEARING, STANDSTILL)
         assert machine.cycle(pose=Pose()) == (StartRecovery(index, Trigger.PUSHING),)
         machine.cycle(recovered=True, pose=Pose())
@@ -153,7 +158,10 @@ def test_a_cancelled_goal_is_preempted_and_the_robot_stops():
 def test_a_new_goal_replaces_the_one_under_way():
     machine = Machine()
     machine.drive()
-    assert machine.cycle(new_goal=True, control=GO, pose=Pose()) == (StopPlanning(), StartPlanning())
+    assert machine.cycle(new_goal=True, control=GO, pose=Pose()) == (
+        StopPlanning(),
+        StartPlanning(),
+    )
     assert machine.state.phase is Phase.PLANNING
 
 
@@ -192,7 +200,9 @@ def test_recoveries_run_in_order_and_then_the_goal_is_aborted():
         assert machine.now < 60.0
     assert started == [0, 1, 2, 3]
     assert finish(machine) == Finish(
-        Outcome.ABORTED, "Failed to find a valid plan. Even after executing recovery behaviors.", Trigger.PLANNING
+        Outcome.ABORTED,
+        "Failed to find a valid plan. Even after executing recovery behaviors.",
+        Trigger.PLANNING,
     )
 
 
@@ -251,14 +261,20 @@ def test_noetic_s_four_recoveries_are_the_default():
     names = ["conservative_reset", "rotate_recovery", "aggressive_reset", "rotate_recovery"]
     assert [recovery.name for recovery in setup.recoveries] == names
     without = setup_from_parameters({"clearing_rotation_allowed": False}, "move_base")
-    assert [recovery.name for recovery in without.recoveries] == ["conservative_reset", "aggressive_reset"]
+    assert [recovery.name for recovery in without.recoveries] == [
+        "conservative_reset",
+        "aggressive_reset",
+    ]
 
 
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
         ({"base_local_planner": "eband_local_planner/EBandPlannerROS"}, "not available"),
-        ({"base_global_planner": "carrot_planner/CarrotPlanner"}, "there are navfn/NavfnROS, global_planner"),
+        (
+            {"base_global_planner": "carrot_planner/CarrotPlanner"},
+            "there are navfn/NavfnROS, global_planner",
+        ),
         ({"recovery_behaviors": [{"name": "x", "type": "y/Z"}]}, "no such type"),
         ({"controller_frequency": 0.0}, "positive"),
     ],
@@ -284,7 +300,12 @@ def test_names_that_noetic_does_not_know_are_warnings(caplog):
     ("name", "kind", "namespace", "parameters"),
     [
         ("navfn/NavfnROS", NavfnPlanner, "NavfnROS", {"default_tolerance": 0.5}),
-        ("global_planner/GlobalPlanner", GlobalPlanner, "GlobalPlanner", {"default_tolerance": 0.5}),
+        (
+            "global_planner/GlobalPlanner",
+            GlobalPlanner,
+            "GlobalPlanner",
+            {"default_tolerance": 0.5},
+        ),
     ],
 )
 def test_base_global_planner_names_the_global_planner(name, kind, namespace, parameters):

@@ -14,7 +14,9 @@ from nav_bundle.nodes.costmap import CostmapNode
 from nav_bundle.nodes.move_base import MoveBaseNode
 
 
-def test_an_exception_in_the_loop_still_ends_with_a_zero_velocity(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_exception_in_the_loop_still_ends_with_a_zero_velocity(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     commands = []
 
     def fail(_: float) -> None:
@@ -33,10 +35,14 @@ def test_an_exception_in_the_loop_still_ends_with_a_zero_velocity(monkeypatch: p
     assert commands == [Twist()]
 
 
-@pytest.mark.parametrize(("frame", "usable"), [("pioneer1/odom", True), ("odom", True), ("map", False)])
+@pytest.mark.parametrize(
+    ("frame", "usable"), [("pioneer1/odom", True), ("odom", True), ("map", False)]
+)
 def test_a_correction_by_localisation_is_no_wheel_slip(frame: str, usable: bool) -> None:
     source: Source[str] = Source(SourceConfig("base_scan"))
     observation = Observation(source.config, 0.0, 0.0, np.zeros((1, 2)))
     source.update([Arrival(1, 1.0, 1.0, "")], lambda _: observation, 1.0)
-    node = SimpleNamespace(frame=frame, _sources=[SimpleNamespace(source=source)], _fault=lambda *_: "")
+    node = SimpleNamespace(
+        frame=frame, _sources=[SimpleNamespace(source=source)], _fault=lambda *_: ""
+    )
     assert (CostmapNode.picture(node, 1.0) is not None) == usable  # type: ignore[arg-type]

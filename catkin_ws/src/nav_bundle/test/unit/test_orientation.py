@@ -8,13 +8,22 @@ from drawn_room import grid_from_text
 
 from nav_bundle.core.costmap.config import CostmapConfig, StaticConfig
 from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.global_planner import GlobalPlanner, GlobalPlannerConfig, Orientation, oriented, visible_potential
+from nav_bundle.core.global_planner import (
+    GlobalPlanner,
+    GlobalPlannerConfig,
+    Orientation,
+    oriented,
+    visible_potential,
+)
 from nav_bundle.core.planner import EVERYTHING, path_between
 from nav_bundle.core.pose import Pose
 
 START = Pose(0.0, 0.0, -1.0)
 CORNER = np.array(
-    [[x, 0.0, 0.0] for x in range(6)] + [[5.0, y, 0.0] for y in range(1, 5)] + [[5.0, 5.0, math.pi]], np.float64
+    [[x, 0.0, 0.0] for x in range(6)]
+    + [[5.0, y, 0.0] for y in range(1, 5)]
+    + [[5.0, 5.0, math.pi]],
+    np.float64,
 )
 QUARTER = math.pi / 2
 
@@ -29,7 +38,9 @@ QUARTER = math.pi / 2
         (Orientation.RIGHTWARD, QUARTER, math.pi),
     ],
 )
-def test_a_path_is_driven_forward_backward_or_sideways(mode: Orientation, first: float, later: float) -> None:
+def test_a_path_is_driven_forward_backward_or_sideways(
+    mode: Orientation, first: float, later: float
+) -> None:
     headings = oriented(CORNER, START, mode, 1)[:, 2]
     assert math.isclose(math.cos(headings[1] - first), 1.0)
     assert math.isclose(math.cos(headings[-2] - later), 1.0)
@@ -63,7 +74,9 @@ def test_a_path_of_one_pose_keeps_its_heading() -> None:
 @pytest.fixture
 def costmap() -> Costmap:
     costmap = Costmap(CostmapConfig(robot_radius=0.1, layers=(StaticConfig(),)))
-    costmap.set_map(grid_from_text(["############", *["#..........#"] * 8, "#####..#####", "############"], 0.1))
+    costmap.set_map(
+        grid_from_text(["############", *["#..........#"] * 8, "#####..#####", "############"], 0.1)
+    )
     costmap.update(Pose(0.15, 0.65), ())
     return costmap
 
@@ -78,7 +91,9 @@ def test_a_grid_path_steps_from_cell_to_cell(costmap: Costmap) -> None:
 
 
 def test_the_potential_is_shown_from_nought_to_its_scale(costmap: Costmap) -> None:
-    search = GlobalPlanner(GlobalPlannerConfig()).search(costmap, Pose(0.15, 0.35), Pose(1.05, 0.85))
+    search = GlobalPlanner(GlobalPlannerConfig()).search(
+        costmap, Pose(0.15, 0.35), Pose(1.05, 0.85)
+    )
     search.advance(EVERYTHING)
     shown = visible_potential(search.potential, 100)
     place = costmap.geometry

@@ -87,8 +87,12 @@ def test_weights_that_vanish_leave_the_particles_equal() -> None:
 
 
 @pytest.mark.parametrize(("likelihood", "expected"), [(10.0, 0.0), (9.4, 0.03), (1.0, 0.1)])
-def test_a_fall_in_likelihood_adds_random_particles_up_to_a_tenth(likelihood: float, expected: float) -> None:
-    config = AmclConfig(min_particles=4000, max_particles=4000, recovery_alpha_slow=0.001, recovery_alpha_fast=0.5)
+def test_a_fall_in_likelihood_adds_random_particles_up_to_a_tenth(
+    likelihood: float, expected: float
+) -> None:
+    config = AmclConfig(
+        min_particles=4000, max_particles=4000, recovery_alpha_slow=0.001, recovery_alpha_fast=0.5
+    )
     particles = a_filter(config)
     particles.replace(np.zeros((400, 3)))
     particles.weigh(np.full(400, 10.0))

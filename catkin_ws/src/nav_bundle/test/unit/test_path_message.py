@@ -23,7 +23,10 @@ def test_a_path_is_read_as_the_poses_it_was_made_from():
     track = np.array([[1.0, 2.0, 0.0], [3.0, 4.0, math.pi / 2]])
     path = read(Path, PathMessage(track, "/map", rospy.Time(3, 4)))
     assert (path.header.frame_id, path.header.stamp) == ("map", rospy.Time(3, 4))
-    assert [(pose.pose.position.x, pose.pose.position.y) for pose in path.poses] == [(1.0, 2.0), (3.0, 4.0)]
+    assert [(pose.pose.position.x, pose.pose.position.y) for pose in path.poses] == [
+        (1.0, 2.0),
+        (3.0, 4.0),
+    ]
     assert {pose.header.frame_id for pose in path.poses} == {"map"}
     assert path.poses[1].pose.orientation.z == pytest.approx(math.sin(math.pi / 4))
 

@@ -40,8 +40,15 @@ WIDE = ["####################", *["#..................#"] * 10, "###############
 
 
 def costmap_of(rows, inflation=0.0, **parameters):
-    given = {"static_map": True, "robot_radius": 0.05, "footprint_padding": 0.0, "inflation_radius": inflation}
-    costmap = Costmap(costmap_config_from_parameters({**given, "cost_scaling_factor": 3.0, **parameters}, "test"))
+    given = {
+        "static_map": True,
+        "robot_radius": 0.05,
+        "footprint_padding": 0.0,
+        "inflation_radius": inflation,
+    }
+    costmap = Costmap(
+        costmap_config_from_parameters({**given, "cost_scaling_factor": 3.0, **parameters}, "test")
+    )
     costmap.set_map(grid_from_text(rows, RESOLUTION))
     costmap.update(Pose(0.15, 0.15), [])
     return costmap
@@ -142,7 +149,11 @@ def test_a_search_in_small_slices_finds_the_same_path(planner):
     costmap = costmap_of(ROOMS, 0.3)
     whole = path_between(planner, costmap, Pose(0.25, 0.25), Pose(1.75, 0.25))
     search = planner.search(costmap, Pose(0.25, 0.25), Pose(1.75, 0.25))
-    slices = list(itertools.takewhile(lambda path: path is None, (search.advance(10) for _ in itertools.count())))
+    slices = list(
+        itertools.takewhile(
+            lambda path: path is None, (search.advance(10) for _ in itertools.count())
+        )
+    )
     assert len(slices) > 3
     path = search.advance(10)
     np.testing.assert_array_equal(path, whole)
@@ -157,14 +168,22 @@ def test_a_search_does_not_see_later_changes(planner):
 
 def test_every_open_pair_of_places_is_joined(planner):
     generator = np.random.default_rng(3)
-    rows = ["#" * 40, *["#" + "".join(generator.choice([".", "#"], 38, p=[0.75, 0.25])) + "#" for _ in range(38)]]
+    rows = [
+        "#" * 40,
+        *["#" + "".join(generator.choice([".", "#"], 38, p=[0.75, 0.25])) + "#" for _ in range(38)],
+    ]
     costmap = costmap_of([*rows, "#" * 40])
     free = np.argwhere(costmap.cells == 0)
     for _ in range(40):
         (r0, c0), (r1, c1) = free[generator.integers(len(free), size=2)]
-        start, goal = Pose((c0 + 0.5) * 0.1, (r0 + 0.5) * 0.1), Pose((c1 + 0.5) * 0.1, (r1 + 0.5) * 0.1)
+        start, goal = (
+            Pose((c0 + 0.5) * 0.1, (r0 + 0.5) * 0.1),
+            Pose((c1 + 0.5) * 0.1, (r1 + 0.5) * 0.1),
+        )
         if _joined(costmap.cells, (r0, c0), (r1, c1)):
-            assert max(costs_along(costmap, path_between(planner, costmap, start, goal))) < INSCRIBED
+            assert (
+                max(costs_along(costmap, path_between(planner, costmap, start, goal))) < INSCRIBED
+            )
         else:
             with pytest.raises(NoPathError):
                 path_between(planner, costmap, start, goal)
@@ -196,9 +215,16 @@ def test_unknown_ground_is_crossed_only_where_allowed(allowed):
 
 
 def test_what_the_map_does_not_know_is_passed_on_the_right():
-    parameters = {"observation_sources": "laser", "laser": {"topic": "base_scan"}, "obstacle_range": 3.0}
+    parameters = {
+        "observation_sources": "laser",
+        "laser": {"topic": "base_scan"},
+        "obstacle_range": 3.0,
+    }
     planner = NavfnPlanner(NavfnConfig())
-    for start, goal in ((Pose(0.5, 2.05), Pose(3.5, 2.05)), (Pose(3.5, 2.05, math.pi), Pose(0.5, 2.05))):
+    for start, goal in (
+        (Pose(0.5, 2.05), Pose(3.5, 2.05)),
+        (Pose(3.5, 2.05, math.pi), Pose(0.5, 2.05)),
+    ):
         costmap = costmap_of(["." * 40] * 41, 0.5, **parameters)
         source = costmap.config.layers[1].sources[0]
         front = np.column_stack([np.full(9, 2.0), np.linspace(1.85, 2.25, 9)])
@@ -210,11 +236,17 @@ def test_what_the_map_does_not_know_is_passed_on_the_right():
 
 
 def test_what_is_narrower_than_a_robot_need_not_be_given_way() -> None:
-    parameters = {"observation_sources": "laser", "laser": {"topic": "base_scan"}, "obstacle_range": 3.0}
+    parameters = {
+        "observation_sources": "laser",
+        "laser": {"topic": "base_scan"},
+        "obstacle_range": 3.0,
+    }
     costmap = costmap_of(["." * 40] * 41, 0.5, **parameters)
     source = costmap.config.layers[1].sources[0]
     for width, robot in ((0.2, False), (0.5, True)):
-        points = np.column_stack([np.full(11, 2.0), 2.025 + np.linspace(-width / 2.0, width / 2.0, 11)])
+        points = np.column_stack(
+            [np.full(11, 2.0), 2.025 + np.linspace(-width / 2.0, width / 2.0, 11)]
+        )
         costmap.reset()
         costmap.update(Pose(0.5, 2.05), [Observation(source, 0.5, 2.05, points)])
         assert (len(costmap.unmapped(Pose(0.5, 2.05), 3.0)) > 0) == robot
@@ -230,7 +262,9 @@ def reached(planner, costmap, start, goal):
 def test_a_star_looks_at_less_and_finds_as_cheap_a_way():
     costmap = costmap_of(["." * 120] * 120)
     start, goal = Pose(2.05, 6.05), Pose(11.65, 6.05)
-    (all_cells, cost), (some_cells, same) = (reached(planner, costmap, start, goal) for planner in PLANNERS[1:])
+    (all_cells, cost), (some_cells, same) = (
+        reached(planner, costmap, start, goal) for planner in PLANNERS[1:]
+    )
     assert some_cells < 0.5 * all_cells
     assert same == pytest.approx(cost, rel=0.01)
 
@@ -250,14 +284,19 @@ def test_a_star_s_ways_are_at_most_two_hundredths_dearer_than_dijkstra_s():
     free = np.argwhere(costmap.cells == 0)
     for _ in range(40):
         (r0, c0), (r1, c1) = free[generator.integers(len(free), size=2)]
-        start, goal = Pose((c0 + 0.5) * 0.1, (r0 + 0.5) * 0.1), Pose((c1 + 0.5) * 0.1, (r1 + 0.5) * 0.1)
+        start, goal = (
+            Pose((c0 + 0.5) * 0.1, (r0 + 0.5) * 0.1),
+            Pose((c1 + 0.5) * 0.1, (r1 + 0.5) * 0.1),
+        )
         dijkstra, a_star = (cheapest(planner, costmap, start, goal) for planner in PLANNERS[1:])
         assert a_star <= 1.02 * dijkstra
 
 
 def test_a_block_weighs_halfway_between_its_least_and_mean_passable_cell():
     """This includes the smaller blocks at the edges. A block without a passable cell stays closed."""
-    costs = np.random.default_rng(3).choice(np.array([0, 40, 252, 253, 254, 255], np.uint8), (11, 14))
+    costs = np.random.default_rng(3).choice(
+        np.array([0, 40, 252, 253, 254, 255], np.uint8), (11, 14)
+    )
     costs[4:8, 4:8] = 254
     table, closed = weights(True), 255
     coarse = np.full((5, 6), closed, np.uint8)
@@ -283,7 +322,8 @@ def test_a_star_finds_the_way_round_that_its_guide_does_not_know():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"use_quadratic": False}, {"orientation_mode": 7}, {"cost_factor": 9.0}, {"lethal_cost": 255}]
+    "wrong",
+    [{"use_quadratic": False}, {"orientation_mode": 7}, {"cost_factor": 9.0}, {"lethal_cost": 255}],
 )
 def test_global_planner_s_parameters_that_make_no_sense_are_refused(wrong):
     with pytest.raises(ParameterError):

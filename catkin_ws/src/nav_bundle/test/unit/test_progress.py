@@ -33,14 +33,20 @@ class Drive:
     """Runs the state machine of a robot that always finds a plan and a velocity."""
 
     def __init__(self, progress: ProgressLimits = LIMITS) -> None:
-        self.limits = Limits(planner_frequency=0.5, recoveries=progress.recoveries, progress=progress)
+        self.limits = Limits(
+            planner_frequency=0.5, recoveries=progress.recoveries, progress=progress
+        )
         self.now = 0.0
         self.recoveries: list[int] = []
         self.finish: Finish | None = None
-        self.state, _, events = advance(State(), Inputs(new_goal=True, pose=Pose()), 0.0, self.limits)
+        self.state, _, events = advance(
+            State(), Inputs(new_goal=True, pose=Pose()), 0.0, self.limits
+        )
         self.is_planning = StartPlanning() in events
 
-    def cycle(self, remaining: float | None, discovered: bool = False, current: bool = True) -> None:
+    def cycle(
+        self, remaining: float | None, discovered: bool = False, current: bool = True
+    ) -> None:
         """Runs a cycle in which the remaining way is ``remaining`` [m]."""
         self.now += PERIOD
         inputs = Inputs(
@@ -64,7 +70,9 @@ ways = st.lists(st.floats(5.0, 20.0), min_size=1, max_size=40)
 
 @alike
 @given(ways, st.lists(st.booleans(), min_size=1, max_size=40))
-def test_a_robot_that_drives_to_and_fro_gives_up_within_its_bound(ways: list[float], discoveries: list[bool]) -> None:
+def test_a_robot_that_drives_to_and_fro_gives_up_within_its_bound(
+    ways: list[float], discoveries: list[bool]
+) -> None:
     drive = Drive()
     worst = (LIMITS.resets + 1) * 15.0 / LIMITS.distance * LONGEST
     step = 0

@@ -54,7 +54,9 @@ def obstacles(side: int, most: int = 30) -> st.SearchStrategy[NDArray[np.uint8]]
 
 @alike
 @given(trinary_cells, st.floats(0.01, 1), origins)
-def test_a_map_that_was_saved_is_loaded_as_it_was(cells: NDArray[np.int8], resolution: float, origin: Pose) -> None:
+def test_a_map_that_was_saved_is_loaded_as_it_was(
+    cells: NDArray[np.int8], resolution: float, origin: Pose
+) -> None:
     with tempfile.TemporaryDirectory() as folder:
         _, description = write_map(Grid(resolution, origin, cells), Path(folder) / "map")
         read = read_map(description)
@@ -85,7 +87,9 @@ def test_thresholds_part_free_unknown_and_occupied(
     terms = {"negate": int(negate), "free_thresh": free, "occupied_thresh": occupied}
     dark = (image if negate else 255 - image.astype(int)) / 255.0
     trinary, scaled = loaded(image, **terms), loaded(image, mode="scale", **terms)
-    assert (trinary == np.where(dark > occupied, OCCUPIED, np.where(dark < free, FREE, UNKNOWN))).all()
+    assert (
+        trinary == np.where(dark > occupied, OCCUPIED, np.where(dark < free, FREE, UNKNOWN))
+    ).all()
     between = trinary == UNKNOWN
     assert (scaled[~between] == trinary[~between]).all()
     assert (scaled[between] >= 1).all()
@@ -97,7 +101,9 @@ def test_thresholds_part_free_unknown_and_occupied(
 def inflated(costs: NDArray[np.uint8], radius: int, scaling: float) -> NDArray[np.uint8]:
     """Returns the costs inflated up to ``radius`` [cells], with an inscribed radius of two cells."""
     cells = costs.copy()
-    kernel.inflate(cells, (0, cells.shape[0], 0, cells.shape[1]), radius, table_of(radius, scaling), False)
+    kernel.inflate(
+        cells, (0, cells.shape[0], 0, cells.shape[1]), radius, table_of(radius, scaling), False
+    )
     return cells
 
 
@@ -114,18 +120,28 @@ def test_inflation_is_exact_and_never_rises_with_distance(
     places = np.argwhere(costs == LETHAL)
     assert (np.diff(table.astype(int)) <= 0).all()
     for (row, col), cost in np.ndenumerate(cells):
-        square = int(((places - (row, col)) ** 2).sum(axis=1).min()) if len(places) else radius * radius + 1
+        square = (
+            int(((places - (row, col)) ** 2).sum(axis=1).min())
+            if len(places)
+            else radius * radius + 1
+        )
         assert cost == (table[square] if square <= radius * radius else FREE)
 
 
 @alike
 @given(obstacles(20, 8), obstacles(20, 8), st.integers(1, 7))
-def test_more_obstacles_make_nothing_cheaper(few: NDArray[np.uint8], others: NDArray[np.uint8], radius: int) -> None:
+def test_more_obstacles_make_nothing_cheaper(
+    few: NDArray[np.uint8], others: NDArray[np.uint8], radius: int
+) -> None:
     assert (inflated(np.maximum(few, others), radius, 0.5) >= inflated(few, radius, 0.5)).all()
 
 
 @alike
-@given(st.tuples(st.floats(0.5, 5.5), st.floats(0.5, 5.5)), st.floats(-math.pi, math.pi), st.floats(0.05, 6.0))
+@given(
+    st.tuples(st.floats(0.5, 5.5), st.floats(0.5, 5.5)),
+    st.floats(-math.pi, math.pi),
+    st.floats(0.05, 6.0),
+)
 def test_a_ray_clears_the_way_to_its_hit_and_nothing_behind_or_beside_it(
     sensor: tuple[float, float], bearing: float, reach: float
 ) -> None:
@@ -142,7 +158,10 @@ def test_a_ray_clears_the_way_to_its_hit_and_nothing_behind_or_beside_it(
 
 @alike
 @given(
-    st.tuples(st.floats(1, 5), st.floats(1, 5)), st.floats(-math.pi, math.pi), st.floats(0.3, 0.9), st.floats(0.3, 0.9)
+    st.tuples(st.floats(1, 5), st.floats(1, 5)),
+    st.floats(-math.pi, math.pi),
+    st.floats(0.3, 0.9),
+    st.floats(0.3, 0.9),
 )
 def test_a_filled_outline_has_the_cells_inside_and_none_far_outside(
     centre: tuple[float, float], yaw: float, length: float, width: float
@@ -150,7 +169,9 @@ def test_a_filled_outline_has_the_cells_inside_and_none_far_outside(
     cells = np.zeros((60, 60), np.uint8)
     turn = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
     corners = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * (length, width)
-    kernel.fill_polygon(cells, Place(0.0, 0.0, 0.1), np.ascontiguousarray(corners @ turn + centre), LETHAL)
+    kernel.fill_polygon(
+        cells, Place(0.0, 0.0, 0.1), np.ascontiguousarray(corners @ turn + centre), LETHAL
+    )
     rows, cols = np.mgrid[0:60, 0:60]
     points = (np.stack([cols, rows], axis=-1) + 0.5) * 0.1 - centre
     beyond = (np.abs(points @ turn.T) - (length, width)).max(axis=-1)
@@ -172,7 +193,12 @@ spots = st.tuples(st.integers(1, 30), st.integers(1, 30))
 def test_a_path_never_leads_through_what_the_robot_would_touch(
     planner: NavfnPlanner, cells: NDArray[np.uint8], start: tuple[int, int], goal: tuple[int, int]
 ) -> None:
-    parameters = {"static_map": True, "robot_radius": 0.12, "footprint_padding": 0.0, "inflation_radius": 0.4}
+    parameters = {
+        "static_map": True,
+        "robot_radius": 0.12,
+        "footprint_padding": 0.0,
+        "inflation_radius": 0.4,
+    }
     costmap = Costmap(costmap_config_from_parameters(parameters, "test"))
     costmap.set_map(Grid(0.1, Pose(), np.where(cells == LETHAL, OCCUPIED, FREE).astype(np.int8)))
     ends = [Pose((col + 0.5) * 0.1, (row + 0.5) * 0.1) for row, col in (start, goal)]
@@ -191,7 +217,9 @@ def test_a_path_never_leads_through_what_the_robot_would_touch(
 
 @alike
 @given(st.integers(1, 40), st.integers(1, 40), st.floats(0.02, 0.2))
-def test_particles_in_more_places_are_never_fewer_after_resampling(first: int, second: int, error: float) -> None:
+def test_particles_in_more_places_are_never_fewer_after_resampling(
+    first: int, second: int, error: float
+) -> None:
     few, many = sorted((first, second))
     assert resampled(few, error) <= resampled(many, error)
 

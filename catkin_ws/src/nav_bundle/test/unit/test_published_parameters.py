@@ -55,7 +55,14 @@ def test_a_footprint_s_text_is_read_as_leniently_as_by_costmap_2d(text: str) -> 
 
 @pytest.mark.parametrize(
     "text",
-    ["[[1, 2], [3, 4]", "[[1, 2], [3, 4]]", "[[[1, 2], [3, 4], [5, 6]]]", "1, 2, 3", "[[a, 2], [3, 4], [5, 6]]", "]["],
+    [
+        "[[1, 2], [3, 4]",
+        "[[1, 2], [3, 4]]",
+        "[[[1, 2], [3, 4], [5, 6]]]",
+        "1, 2, 3",
+        "[[a, 2], [3, 4], [5, 6]]",
+        "][",
+    ],
 )
 def test_a_footprint_s_text_that_is_no_outline_is_refused_with_the_text(text: str) -> None:
     with pytest.raises(FootprintError, match="footprint must"):
@@ -64,7 +71,9 @@ def test_a_footprint_s_text_that_is_no_outline_is_refused_with_the_text(text: st
 
 def test_a_footprint_in_move_base_s_namespace_is_that_of_both_costmaps() -> None:
     outline = [[0.488, -0.293], [0.488, 0.293], [-0.412, 0.293], [-0.412, -0.293]]
-    setup = setup_from_parameters({"footprint": outline, "global_costmap": {"static_map": True}}, "move_base")
+    setup = setup_from_parameters(
+        {"footprint": outline, "global_costmap": {"static_map": True}}, "move_base"
+    )
     for config in (setup.global_costmap, setup.local_costmap):
         assert config.footprint == outline
 
@@ -91,15 +100,24 @@ def test_layers_of_a_list_take_parameters_from_the_costmap_s_namespace() -> None
     assert (inflation.inflation_radius, inflation.cost_scaling_factor) == (1.5, 1.0)
 
 
-def test_a_layer_s_own_value_counts_and_the_other_one_is_named(caplog: pytest.LogCaptureFixture) -> None:
-    config = costmap(inflation_radius=1.5, inflation_layer={"inflation_radius": 0.4}, plugins=[INFLATION])
+def test_a_layer_s_own_value_counts_and_the_other_one_is_named(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    config = costmap(
+        inflation_radius=1.5, inflation_layer={"inflation_radius": 0.4}, plugins=[INFLATION]
+    )
     (inflation,) = config.layers
     assert isinstance(inflation, InflationConfig)
     assert inflation.inflation_radius == 0.4
-    assert "~inflation_radius is 1.5, but ~inflation_layer/inflation_radius is 0.4 and counts" in caplog.text
+    assert (
+        "~inflation_radius is 1.5, but ~inflation_layer/inflation_radius is 0.4 and counts"
+        in caplog.text
+    )
 
 
-@pytest.mark.parametrize("name", ["static_map", "map_type", "observation_sources", "inflate_unknown"])
+@pytest.mark.parametrize(
+    "name", ["static_map", "map_type", "observation_sources", "inflate_unknown"]
+)
 def test_what_no_layer_of_a_list_reads_in_the_costmap_s_namespace_is_named(
     name: str, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -128,7 +146,9 @@ def test_a_misspelt_name_inside_a_layer_is_named_in_both_styles(
 
 
 def test_a_layer_may_have_the_name_of_a_parameter() -> None:
-    config = costmap(static_map=True, plugins=[{"name": "static_map", "type": "costmap_2d::StaticLayer"}])
+    config = costmap(
+        static_map=True, plugins=[{"name": "static_map", "type": "costmap_2d::StaticLayer"}]
+    )
     assert config.layer_names == ("static_map",)
 
 
@@ -139,8 +159,13 @@ def test_observation_sources_may_be_a_list() -> None:
 
 
 @pytest.mark.parametrize("name", ["vx_samples", "vy_samples", "vth_samples"])
-def test_dwa_takes_no_samples_in_a_direction_as_one(name: str, caplog: pytest.LogCaptureFixture) -> None:
-    parameters = {"base_local_planner": "dwa_local_planner/DWAPlannerROS", "DWAPlannerROS": {name: 0}}
+def test_dwa_takes_no_samples_in_a_direction_as_one(
+    name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    parameters = {
+        "base_local_planner": "dwa_local_planner/DWAPlannerROS",
+        "DWAPlannerROS": {name: 0},
+    }
     planner = setup_from_parameters(parameters, "move_base").local_planner
     assert getattr(planner, name) == 1
     assert f"~{name} is 0, taken as 1" in caplog.text
@@ -163,13 +188,32 @@ VALUES: tuple[Any, ...] = (
     {}, {"name": "x"}, {"type": 3}, [{"name": "x"}], [STATIC], [None], {"topic": 3}, {"enabled": "maybe"},
 )  # fmt: skip
 NAMES = tuple(
-    {field.name for kind in (CostmapConfig, StaticConfig, ObstacleConfig, InflationConfig) for field in fields(kind)}
-    | {"plugins", "observation_sources", "scan", "static_layer", "obstacle_layer", "inflation_layer", "fleet_layer"}
+    {
+        field.name
+        for kind in (CostmapConfig, StaticConfig, ObstacleConfig, InflationConfig)
+        for field in fields(kind)
+    }
+    | {
+        "plugins",
+        "observation_sources",
+        "scan",
+        "static_layer",
+        "obstacle_layer",
+        "inflation_layer",
+        "fleet_layer",
+    }
     | {"static_map", "map_type", "z_voxels"}
 )
 TOP = tuple(
     {field.name for field in fields(MoveBaseConfig)}
-    | {"TrajectoryPlannerROS", "DWAPlannerROS", "NavfnROS", "footprint", "robot_radius", "global_costmap"}
+    | {
+        "TrajectoryPlannerROS",
+        "DWAPlannerROS",
+        "NavfnROS",
+        "footprint",
+        "robot_radius",
+        "global_costmap",
+    }
     | {"conservative_reset", "rotate_recovery"}
 )
 PLANNER = tuple({field.name for kind in (TrajectoryConfig, DwaConfig) for field in fields(kind)})

@@ -24,7 +24,9 @@ def picture(true, odom, width=8.0, height=5.0):
     ranges = np.minimum(to_x, to_y) + np.random.default_rng(1).normal(0.0, 0.01, 180)
     seen = ranges < 20.0
     angles = bearings[seen] + odom.yaw
-    points = np.stack([odom.x + ranges[seen] * np.cos(angles), odom.y + ranges[seen] * np.sin(angles)], axis=1)
+    points = np.stack(
+        [odom.x + ranges[seen] * np.cos(angles), odom.y + ranges[seen] * np.sin(angles)], axis=1
+    )
     return Picture(odom, points)
 
 
@@ -74,7 +76,11 @@ def test_a_robot_that_stands_against_a_command_is_noticed_in_time(command, measu
 
 
 def test_it_backs_off_by_a_third_of_a_metre_and_then_recovers():
-    costmap = Costmap(costmap_config_from_parameters({"width": 6.0, "height": 6.0, "rolling_window": True}, "test"))
+    costmap = Costmap(
+        costmap_config_from_parameters(
+            {"width": 6.0, "height": 6.0, "rolling_window": True}, "test"
+        )
+    )
     costmap.update(Pose(), [])
     recovery = BackUp(ClearCostmapRecovery("reset", ClearConfig()))
     recovery.start()

@@ -68,7 +68,10 @@ def test_an_obstacle_across_the_way_is_named_with_its_place() -> None:
     assert not choice.take_discovery()
     reason = failure(Trigger.PLANNING, costmap, GOAL, Pose(0.5, 0.8), choice.last_blocked, {})
     assert reason.code is Code.WAY_BLOCKED
-    assert reason.sentence() == "The way is blocked near (0.8, 0.8) by something that the map does not show."
+    assert (
+        reason.sentence()
+        == "The way is blocked near (0.8, 0.8) by something that the map does not show."
+    )
 
 
 def test_a_goal_in_a_wall_of_the_map_is_no_obstacle_that_the_map_does_not_show() -> None:
@@ -94,7 +97,9 @@ def test_every_failure_has_a_reason(trigger: Trigger, code: Code) -> None:
 
 
 def test_topic_and_diagnostics_say_the_same() -> None:
-    report = Report(Condition.BLOCKED, way_blocked((7.23, 6.81), {"pioneer3": Pose(7.5, 6.8)}), 12.5)
+    report = Report(
+        Condition.BLOCKED, way_blocked((7.23, 6.81), {"pioneer3": Pose(7.5, 6.8)}), 12.5
+    )
     message = message_from_report(report, "map", 20.0)
     assert message.text == "blocked: the way is blocked near (7.2, 6.8) by pioneer3"
     assert (message.state, message.reason) == (NavigationState.BLOCKED, NavigationState.WAY_BLOCKED)

@@ -33,7 +33,9 @@ PARAMETERS = {
 def costmap_with(*points):
     costmap = Costmap(costmap_config_from_parameters(PARAMETERS, "test"))
     source = costmap.config.layers[0].sources[0]
-    costmap.update(Pose(), [Observation(source, 0.0, 0.0, np.array(points, np.float64).reshape(-1, 2))])
+    costmap.update(
+        Pose(), [Observation(source, 0.0, 0.0, np.array(points, np.float64).reshape(-1, 2))]
+    )
     return costmap
 
 
@@ -44,7 +46,9 @@ def around(costmap, pose=None, now=0.0):
 def test_clearing_forgets_what_lies_beyond_half_the_reset_distance():
     costmap = costmap_with((0.9, 0.0), (1.9, 0.0))
     assert (costmap.cells == LETHAL).sum() == 2
-    assert ClearCostmapRecovery("reset", ClearConfig(reset_distance=3.0)).step(around(costmap)) is None
+    assert (
+        ClearCostmapRecovery("reset", ClearConfig(reset_distance=3.0)).step(around(costmap)) is None
+    )
     costmap.update(Pose(), [])
     assert (costmap.cells == LETHAL).sum() == 1
 
@@ -52,7 +56,10 @@ def test_clearing_forgets_what_lies_beyond_half_the_reset_distance():
 @pytest.mark.parametrize("tolerance", [0.1, 0.5])
 @pytest.mark.parametrize("begun", [0.0, 2.0, -3.0])
 def test_the_robot_turns_once_round_to_the_left(begun, tolerance):
-    costmap, recovery = costmap_with(), RotateRecovery("rotate", RotateConfig(yaw_goal_tolerance=tolerance))
+    costmap, recovery = (
+        costmap_with(),
+        RotateRecovery("rotate", RotateConfig(yaw_goal_tolerance=tolerance)),
+    )
     recovery.start()
     yaw = begun
     for _ in range(1000):
@@ -82,7 +89,9 @@ def test_the_turn_ends_in_front_of_an_obstacle():
 BEHAVIOURS = {
     "clear": lambda: ClearCostmapRecovery("reset", ClearConfig()),
     "rotate": lambda: RotateRecovery("rotate", RotateConfig()),
-    "rotate slowly": lambda: RotateRecovery("rotate", RotateConfig(min_in_place_rotational_vel=0.0)),
+    "rotate slowly": lambda: RotateRecovery(
+        "rotate", RotateConfig(min_in_place_rotational_vel=0.0)
+    ),
     "back up": lambda: BackUp(RotateRecovery("rotate", RotateConfig())),
 }
 

@@ -13,7 +13,9 @@ from nav_bundle.nodes import sensor
 def odometry(monkeypatch: pytest.MonkeyPatch) -> sensor.Newest[Odometry]:
     """Returns a subscription without a ROS master; ``arrive`` takes the place of the network."""
     found = SimpleNamespace(get_time=lambda: 1.0, logwarn_throttle=lambda *_: None)
-    found.Subscriber = lambda _topic, kind, callback, **_: SimpleNamespace(kind=kind, callback=callback)
+    found.Subscriber = lambda _topic, kind, callback, **_: SimpleNamespace(
+        kind=kind, callback=callback
+    )
     monkeypatch.setattr(sensor, "rospy", found)
     return sensor.Newest("odom", Odometry, 2)
 

@@ -74,7 +74,9 @@ def errors_along(robot: FakeRobot, slam: Slam, steps: list[tuple[float, float]])
         if slam.observe(robot.odom, robot.scan(), 0.1 * number):
             assert slam.map_from_odom is not None
             found = robot.map_from_world.inverse().compose(slam.map_from_odom.compose(robot.odom))
-            errors.append((found.distance(robot.pose), abs(angle_difference(found.yaw, robot.pose.yaw))))
+            errors.append(
+                (found.distance(robot.pose), abs(angle_difference(found.yaw, robot.pose.yaw)))
+            )
     return np.array(errors)
 
 
@@ -140,13 +142,23 @@ def test_the_map_frame_is_where_odometry_was_at_first() -> None:
 
 
 def test_scans_count_after_enough_of_path_turn_or_time() -> None:
-    robot, slam = in_room(1, dataclasses.replace(CONFIG, linearUpdate=0.3, angularUpdate=0.4, temporalUpdate=2.0), 0.0)
+    robot, slam = in_room(
+        1, dataclasses.replace(CONFIG, linearUpdate=0.3, angularUpdate=0.4, temporalUpdate=2.0), 0.0
+    )
     used = []
     moves = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.0), (0.11, 0.0), (0.0, 0.25), (0.0, -0.25), (0.0, 0.0)]
     for number, move in enumerate(moves):
         robot.drive(*move)
         used.append(slam.observe(robot.odom, robot.scan(), 0.1 * number))
-    assert used == [True, False, False, True, False, True, False]  # opposite turns add up, as upstream
+    assert used == [
+        True,
+        False,
+        False,
+        True,
+        False,
+        True,
+        False,
+    ]  # opposite turns add up, as upstream
     assert not slam.observe(robot.odom, robot.scan(), 2.5)
     assert slam.observe(robot.odom, robot.scan(), 2.51)
 
@@ -159,9 +171,15 @@ def test_without_temporal_update_a_robot_at_rest_draws_nothing_new() -> None:
 
 def test_beams_beyond_max_range_say_nothing_and_beyond_usable_range_clear() -> None:
     config = dataclasses.replace(CONFIG, maxUrange=2.0, maxRange=8.0)
-    for reading, seen in ((9.0, {UNKNOWN}), (5.0, {UNKNOWN, FREE}), (1.0, {UNKNOWN, FREE, OCCUPIED})):
+    for reading, seen in (
+        (9.0, {UNKNOWN}),
+        (5.0, {UNKNOWN, FREE}),
+        (1.0, {UNKNOWN, FREE, OCCUPIED}),
+    ):
         slam = Slam(config, np.random.default_rng(0))
-        slam.observe(Pose(), Scan(np.full(90, reading, np.float32), -1.0, 0.02, 0.1, 30.0, Pose()), 0.0)
+        slam.observe(
+            Pose(), Scan(np.full(90, reading, np.float32), -1.0, 0.02, 0.1, 30.0, Pose()), 0.0
+        )
         grid = slam.grid()
         assert set(np.unique(grid.cells).tolist()) == seen
         row, col = grid.cell_at(2.5, 0.0)
@@ -220,7 +238,14 @@ def test_transforms_go_out_while_a_scan_is_matched() -> None:
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("particles", 0), ("delta", 0.0), ("xmax", -200.0), ("sigma", -1.0), ("occ_thresh", 2.0), ("throttle_scans", 0)],
+    [
+        ("particles", 0),
+        ("delta", 0.0),
+        ("xmax", -200.0),
+        ("sigma", -1.0),
+        ("occ_thresh", 2.0),
+        ("throttle_scans", 0),
+    ],
 )
 def test_values_out_of_range_are_refused_by_name(name: str, value: float) -> None:
     with pytest.raises(ParameterError, match=f"~{name} must"):

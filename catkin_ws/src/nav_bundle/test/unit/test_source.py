@@ -47,9 +47,13 @@ class Robot:
         if arrival.message == "empty":
             points_from_scan(LaserScan(ranges=[float("nan")] * 3, range_max=5.0), False)
         if arrival.stamp > newest + 1e-9:
-            raise ExtrapolationError(f"transform requested at {arrival.stamp}; its newest is at {newest}", True)
+            raise ExtrapolationError(
+                f"transform requested at {arrival.stamp}; its newest is at {newest}", True
+            )
         if 0.0 < arrival.stamp < newest - 10.0:
-            raise ExtrapolationError(f"transform requested at {arrival.stamp}; its oldest is at {newest - 10}", False)
+            raise ExtrapolationError(
+                f"transform requested at {arrival.stamp}; its oldest is at {newest - 10}", False
+            )
         return Observation(self.source.config, 0.0, 0.0, np.empty((0, 2)))
 
     def step(self) -> str:

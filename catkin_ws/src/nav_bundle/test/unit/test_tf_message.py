@@ -38,7 +38,9 @@ def fleet(x: float) -> bytes:
 
 
 def test_every_transform_of_a_message_is_read() -> None:
-    assert transforms_of(serialised(("map", "odom", 1), ("/odom", "/base_link", 2)), pytest.fail) == [
+    assert transforms_of(
+        serialised(("map", "odom", 1), ("/odom", "/base_link", 2)), pytest.fail
+    ) == [
         record("map", "odom", 1),
         record("odom", "base_link", 2),
     ]
@@ -64,7 +66,9 @@ def test_a_name_with_a_leading_slash_is_the_same_frame() -> None:
     picker = TransformPicker(pytest.fail)
     picker.watch({"base_link"})
     for _ in range(2):
-        assert picker.pick(serialised(("/odom", "/base_link", 4))) == [record("odom", "base_link", 4)]
+        assert picker.pick(serialised(("/odom", "/base_link", 4))) == [
+            record("odom", "base_link", 4)
+        ]
 
 
 def test_a_frame_repeated_in_a_message_is_picked_each_time() -> None:
@@ -130,7 +134,9 @@ def test_valid_messages_give_what_full_deserialisation_gives(
 
 @settings(max_examples=400)
 @given(st.lists(hostile(), min_size=1, max_size=3), st.frozensets(NAMES.map(stripped), min_size=1))
-def test_hostile_bytes_cost_no_more_than_their_own_message(buffers: list[bytes], watched: frozenset[str]) -> None:
+def test_hostile_bytes_cost_no_more_than_their_own_message(
+    buffers: list[bytes], watched: frozenset[str]
+) -> None:
     refused: list[str] = []
     picker = TransformPicker(refused.append)
     picker.watch(watched)

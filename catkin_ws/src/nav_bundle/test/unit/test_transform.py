@@ -8,7 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nav_bundle.core.pose import Pose
-from nav_bundle.core.transform import DisconnectedError, ExtrapolationError, Transform, TransformTree
+from nav_bundle.core.transform import (
+    DisconnectedError,
+    ExtrapolationError,
+    Transform,
+    TransformTree,
+)
 
 numbers = st.floats(-10, 10)
 
@@ -28,7 +33,9 @@ def turned(x: float, y: float, yaw: float) -> Transform:
 
 
 def assert_pose(actual: Pose, expected: Pose) -> None:
-    assert np.allclose([actual.x, actual.y, actual.yaw], [expected.x, expected.y, expected.yaw], atol=1e-9)
+    assert np.allclose(
+        [actual.x, actual.y, actual.yaw], [expected.x, expected.y, expected.yaw], atol=1e-9
+    )
 
 
 def robot_tree() -> TransformTree:

@@ -29,7 +29,9 @@ def main() -> int:
         epilog="example: ./pioneer bench sim --robots 1 5",
     )
     benches = parser.add_subparsers(required=True, metavar="BENCH")
-    benches.add_parser("containers", help="the fleet in containers: start-up, CPU, memory and traffic by its size")
+    benches.add_parser(
+        "containers", help="the fleet in containers: start-up, CPU, memory and traffic by its size"
+    )
     for name, text in BENCHES.items():
         one = benches.add_parser(name, help=text)
         if name in sys.argv[1:2]:  # does not import what only the other benches need

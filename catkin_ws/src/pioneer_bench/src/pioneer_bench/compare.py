@@ -13,7 +13,9 @@ from pioneer_bench.core.comparison import ReportError, changes, machine_of, tabl
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds this command's arguments."""
     parser.add_argument("old", type=Path, metavar="OLD.json", help="an earlier report of a bench")
-    parser.add_argument("new", type=Path, metavar="NEW.json", help="a later report of the same bench")
+    parser.add_argument(
+        "new", type=Path, metavar="NEW.json", help="a later report of the same bench"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -30,9 +32,13 @@ def run(options: argparse.Namespace) -> int:
     print(table(found))
     for part in ("python", "kernel", "socket"):
         times = [1e3 * speed.time(part) for speed in speeds]
-        print(f"machine, {part}: {times[0]:.2f} ms, then {times[1]:.2f} ms; taken out of the ratios")
+        print(
+            f"machine, {part}: {times[0]:.2f} ms, then {times[1]:.2f} ms; taken out of the ratios"
+        )
     judged = Counter(change.judgement for change in found)
-    print(f"{len(found)} figures: {judged['worse']} worse, {judged['better']} better, {judged['changed']} changed")
+    print(
+        f"{len(found)} figures: {judged['worse']} worse, {judged['better']} better, {judged['changed']} changed"
+    )
     return 1 if judged["worse"] else 0
 
 

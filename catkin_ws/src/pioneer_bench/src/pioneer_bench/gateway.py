@@ -20,8 +20,12 @@ from tcpros.client import ClientError
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds this bench's options."""
     parser.add_argument("--quick", action="store_true", help="one repetition, short windows")
-    parser.add_argument("--only", nargs="*", default=[], metavar="TRIAL", help="some of the trials, by their names")
-    parser.add_argument("--repetitions", type=int, default=3, metavar="N", help="default: %(default)s")
+    parser.add_argument(
+        "--only", nargs="*", default=[], metavar="TRIAL", help="some of the trials, by their names"
+    )
+    parser.add_argument(
+        "--repetitions", type=int, default=3, metavar="N", help="default: %(default)s"
+    )
     parser.add_argument("--seconds", type=float, default=2.0, help="length of each window [s]")
 
 
@@ -33,7 +37,9 @@ def run(options: argparse.Namespace) -> int:
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="pioneer-bench-"))
         # rosmaster runs in this process and prints a traceback for each node that was killed.
-        stack.enter_context(contextlib.redirect_stderr(stack.enter_context(open(Path(folder) / "masters.log", "w"))))
+        stack.enter_context(
+            contextlib.redirect_stderr(stack.enter_context(open(Path(folder) / "masters.log", "w")))
+        )
         wake_master_workers()  # as in masters that our launcher starts
         tell_registrations()
         fleet = Fleet(Path(folder))
@@ -52,7 +58,11 @@ def run(options: argparse.Namespace) -> int:
         if unknown := set(options.only) - set(trials):
             print(f"no trial {', '.join(sorted(unknown))}; there are {', '.join(trials)}")
             return 2
-        trials = {what: trial for what, trial in trials.items() if what in options.only or not options.only}
+        trials = {
+            what: trial
+            for what, trial in trials.items()
+            if what in options.only or not options.only
+        }
         stack.callback(fleet.close)
         try:
             fleet.start()

@@ -45,7 +45,10 @@ _BLOCKED = {
 }
 _DRIVEN_TWICE = {
     **{name: Trial(make, _MOST) for name, make in _BLOCKED.items()},
-    **{f"{name}, irregular loop": Trial(make, _MOST, jitter=_JITTER) for name, make in _BLOCKED.items()},
+    **{
+        f"{name}, irregular loop": Trial(make, _MOST, jitter=_JITTER)
+        for name, make in _BLOCKED.items()
+    },
 }
 
 TRIALS = {
@@ -106,23 +109,32 @@ def random_changes(seed: int) -> dict[str, Any]:
     }  # fmt: skip
     planner["min_vel_theta"] = -planner["max_vel_theta"]
     costmap = {"inflation_radius": between(0.4, 1.0), "cost_scaling_factor": between(2.0, 10.0)}
-    changes: dict[str, Any] = {f"TrajectoryPlannerROS/{name}": value for name, value in planner.items()}
+    changes: dict[str, Any] = {
+        f"TrajectoryPlannerROS/{name}": value for name, value in planner.items()
+    }
     for name in ("global_costmap", "local_costmap"):
         changes.update({f"{name}/{each}": value for each, value in costmap.items()})
-    return changes | {"controller_frequency": one_of(5.0, 10.0, 20.0), "planner_frequency": one_of(0.0, 0.5, 1.0)}
+    return changes | {
+        "controller_frequency": one_of(5.0, 10.0, 20.0),
+        "planner_frequency": one_of(0.0, 0.5, 1.0),
+    }
 
 
 def _driven(asked: tuple[str, int, Mapping[str, Any]]) -> tuple[str, Ride]:
     name, seed, parameters = asked
     trial = TRIALS[name]
-    return name, ride(trial.make(seed), with_changes(parameters, trial.changes(seed)), seed, trial.jitter)
+    return name, ride(
+        trial.make(seed), with_changes(parameters, trial.changes(seed)), seed, trial.jitter
+    )
 
 
 def hard_rows(seeds: int, processes: int) -> list[Row]:
     """Drives all courses, the random ones with seeds 1 to ``seeds``; returns their rows."""
     parameters = shipped_parameters()
     asked = [
-        (name, seed, parameters) for name, trial in TRIALS.items() for seed in range(1, min(seeds, trial.seeds) + 1)
+        (name, seed, parameters)
+        for name, trial in TRIALS.items()
+        for seed in range(1, min(seeds, trial.seeds) + 1)
     ]
     rides: dict[str, list[Ride]] = {name: [] for name in TRIALS}
     with ProcessPoolExecutor(min(processes, os.cpu_count() or 1)) as pool:
@@ -142,17 +154,43 @@ def _rows(name: str, rides: list[Ride]) -> Iterator[Row]:
         yield Row(f"{name}: given up after", "s", given_up, goal, remark="C++" if goal else "")
     if not sum(samples("reachable")):
         return
-    yield Row(f"{name}: goals reached", "", (sum(samples("reached")),), sum(samples("reachable")), True)
+    yield Row(
+        f"{name}: goals reached", "", (sum(samples("reached")),), sum(samples("reachable")), True
+    )
     yield Row(f"{name}: contacts", "", samples("contacts"), 0.0, every=True)
     yield Row(f"{name}: stuck for good", "", samples("stuck"), 0.0, every=True)
     clear = CLEARANCE_GOAL if name.startswith("slalom") and "scale" not in name else None
-    yield Row(f"{name}: least gap to what stands", "m", samples("clearance"), clear, True, "C++" if clear else "")
+    yield Row(
+        f"{name}: least gap to what stands",
+        "m",
+        samples("clearance"),
+        clear,
+        True,
+        "C++" if clear else "",
+    )
     speeds = tuple(each.way / each.seconds for each in rides)
     clutter = name == "clutter"
-    yield Row(f"{name}: speed", "m/s", speeds, SPEED_GOAL if clutter else None, True, "C++" if clutter else "")
+    yield Row(
+        f"{name}: speed",
+        "m/s",
+        speeds,
+        SPEED_GOAL if clutter else None,
+        True,
+        "C++" if clutter else "",
+    )
     yield Row(f"{name}: way", "m", samples("way"))
-    yield Row(f"{name}: time", "s", samples("seconds"), TIME_GOAL if clutter else None, remark="C++" if clutter else "")
+    yield Row(
+        f"{name}: time",
+        "s",
+        samples("seconds"),
+        TIME_GOAL if clutter else None,
+        remark="C++" if clutter else "",
+    )
     yield Row(f"{name}: recoveries", "", samples("recoveries"))
     yield Row(f"{name}: turning", "rad", samples("turned"))
     yield Row(f"{name}: time in reverse", "s", samples("reverse"))
-    yield Row(f"{name}: share of time below 0.2 m/s", "", tuple(each.slow / each.seconds for each in rides))
+    yield Row(
+        f"{name}: share of time below 0.2 m/s",
+        "",
+        tuple(each.slow / each.seconds for each in rides),
+    )

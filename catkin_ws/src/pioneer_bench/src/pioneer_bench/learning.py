@@ -17,10 +17,16 @@ ACTION = (0.5, 0.4)
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds this bench's options."""
-    parser.add_argument("--robots", type=int, nargs="+", metavar="N", default=[1, 4, 10], help="default: 1 4 10")
+    parser.add_argument(
+        "--robots", type=int, nargs="+", metavar="N", default=[1, 4, 10], help="default: 1 4 10"
+    )
     parser.add_argument("--world", default="utm_0", help="default: %(default)s")
-    parser.add_argument("--steps", type=int, default=200, metavar="K", help="of each run (default %(default)s)")
-    parser.add_argument("--repeat", type=int, default=3, metavar="K", help="runs of each size (default %(default)s)")
+    parser.add_argument(
+        "--steps", type=int, default=200, metavar="K", help="of each run (default %(default)s)"
+    )
+    parser.add_argument(
+        "--repeat", type=int, default=3, metavar="K", help="runs of each size (default %(default)s)"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -34,12 +40,16 @@ def run(options: argparse.Namespace) -> int:
         rates = tuple(_rate(env, actions, options.steps, seed) for seed in range(options.repeat))
         env.close()
         goal = GOAL if robots == GOAL_ROBOTS else None
-        rows.append(Row(f"{robots} robots: agent-steps a CPU-second", "1/s", rates, goal, at_least=True))
+        rows.append(
+            Row(f"{robots} robots: agent-steps a CPU-second", "1/s", rates, goal, at_least=True)
+        )
     remark = f"{options.world}, {robot.lasers[0].samples} beams, steps of 0.1 s."
     return finish(options, "learning", "Learning", rows, remark)
 
 
-def _rate(env: PioneerParallelEnv, actions: dict[str, NDArray[np.float32]], steps: int, seed: int) -> float:
+def _rate(
+    env: PioneerParallelEnv, actions: dict[str, NDArray[np.float32]], steps: int, seed: int
+) -> float:
     env.reset(seed)
     began, count = time.process_time(), 0
     for _ in range(steps):

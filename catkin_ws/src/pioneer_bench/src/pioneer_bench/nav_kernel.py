@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nav_bundle.core.amcl_config import AmclConfig
-from nav_bundle.core.costmap.config import CostmapConfig, InflationConfig, ObstacleConfig, SourceConfig, StaticConfig
+from nav_bundle.core.costmap.config import (
+    CostmapConfig,
+    InflationConfig,
+    ObstacleConfig,
+    SourceConfig,
+    StaticConfig,
+)
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.layer import Observation
 from nav_bundle.core.dwa_config import DwaConfig
@@ -34,7 +40,12 @@ ROOM = 100
 _DOOR = 30
 _FOOTPRINT = ((0.20, 0.20), (0.20, -0.20), (-0.30, -0.20), (-0.30, 0.20))
 _LASER = SourceConfig(
-    "base_scan", marking=True, clearing=True, obstacle_range=2.0, raytrace_range=3.0, min_obstacle_height=-1.0
+    "base_scan",
+    marking=True,
+    clearing=True,
+    obstacle_range=2.0,
+    raytrace_range=3.0,
+    min_obstacle_height=-1.0,
 )
 _WHOLE = CostmapConfig(
     footprint=_FOOTPRINT,
@@ -49,7 +60,10 @@ _WINDOW = CostmapConfig(
     rolling_window=True,
     width=3.0,
     height=3.0,
-    layers=(ObstacleConfig(sources=(_LASER,)), InflationConfig(inflation_radius=2.0, cost_scaling_factor=5.0)),
+    layers=(
+        ObstacleConfig(sources=(_LASER,)),
+        InflationConfig(inflation_radius=2.0, cost_scaling_factor=5.0),
+    ),
 )
 _NEAR_LENGTH = 0.15  # greatest relative deviation from the peer's path length
 _BEAMS = 180
@@ -67,7 +81,12 @@ def kernel_rows(repetitions: int = 5) -> list[Row]:
     large = _costmap(_grid(4000))
     return [
         *rows,
-        *_plan_rows(large, {30.0: (234.0, 172.0, None), 150.0: (889.0, 229.0, None)}, repetitions, "C++'s least"),
+        *_plan_rows(
+            large,
+            {30.0: (234.0, 172.0, None), 150.0: (889.0, 229.0, None)},
+            repetitions,
+            "C++'s least",
+        ),
     ]
 
 
@@ -124,7 +143,10 @@ def _ways(costmap: Costmap, length: float) -> Iterator[tuple[Pose, Pose]]:
         start, goal = (Pose(*xy) for xy in ((cells[:, ::-1] + 0.5) * RESOLUTION).tolist())
         if not length / 1.6 < start.distance(goal) < length:
             continue
-        if abs(_length(path_between(planner, costmap, start, goal)) - length) <= _NEAR_LENGTH * length:
+        if (
+            abs(_length(path_between(planner, costmap, start, goal)) - length)
+            <= _NEAR_LENGTH * length
+        ):
             found += 1
             yield start, goal
 
@@ -136,40 +158,59 @@ def _plan_rows(
     planners = {
         "NavfnROS": NavfnPlanner(NavfnConfig()),
         "A*": GlobalPlanner(GlobalPlannerConfig(use_dijkstra=False)),
-        "A*, use_grid_path": GlobalPlanner(GlobalPlannerConfig(use_dijkstra=False, use_grid_path=True)),
+        "A*, use_grid_path": GlobalPlanner(
+            GlobalPlannerConfig(use_dijkstra=False, use_grid_path=True)
+        ),
     }
     for length, of_length in goals.items():
         ways = list(_ways(costmap, length))
         for (name, planner), goal in zip(planners.items(), of_length, strict=True):
-            samples = [_cpu_ms(lambda p=planner, w=way: path_between(p, costmap, *w), repetitions) for way in ways]
-            yield Row(f"plan {side}², {length:g} m, {name}", "CPU ms", tuple(samples), goal, remark=peer)
+            samples = [
+                _cpu_ms(lambda p=planner, w=way: path_between(p, costmap, *w), repetitions)
+                for way in ways
+            ]
+            yield Row(
+                f"plan {side}², {length:g} m, {name}", "CPU ms", tuple(samples), goal, remark=peer
+            )
 
 
 def _whole_map_rows() -> Iterator[Row]:
     grid = _grid(4000)
     spent = _cpu_ms(lambda: _costmap(grid), 2)
-    yield Row("costmap 4000², made and first update", "CPU ms", (spent,), 500.0, remark="C++'s least")
+    yield Row(
+        "costmap 4000², made and first update", "CPU ms", (spent,), 500.0, remark="C++'s least"
+    )
 
 
 def _scan_at(pose: Pose) -> Observation:
     """Returns the scan of a laser at ``pose``: a wavy wall 2 m around it."""
     bearings = np.linspace(-math.pi, math.pi, _BEAMS, endpoint=False)
     ranges = 1.9 + 0.2 * np.sin(7.0 * bearings)
-    points = np.stack([pose.x + ranges * np.cos(bearings), pose.y + ranges * np.sin(bearings)], axis=1)
+    points = np.stack(
+        [pose.x + ranges * np.cos(bearings), pose.y + ranges * np.sin(bearings)], axis=1
+    )
     return Observation(_LASER, pose.x, pose.y, np.ascontiguousarray(points))
 
 
 def _cycle_rows(whole: Costmap, repetitions: int) -> Iterator[Row]:
-    seen = [(pose, (_scan_at(pose),)) for pose in (Pose(2.5 + 0.02 * step, 2.5, 0.3) for step in range(40))]
+    seen = [
+        (pose, (_scan_at(pose),))
+        for pose in (Pose(2.5 + 0.02 * step, 2.5, 0.3) for step in range(40))
+    ]
     window = Costmap(_WINDOW)
 
-    for name, costmap, goal in (("local costmap 3 m", window, 0.50), ("global costmap 400²", whole, 3.4)):
+    for name, costmap, goal in (
+        ("local costmap 3 m", window, 0.50),
+        ("global costmap 400²", whole, 3.4),
+    ):
         each = _cpu_ms(lambda c=costmap: [c.update(*one) for one in seen], repetitions) / len(seen)
         yield Row(f"{name}, update by a scan of {_BEAMS}", "CPU ms", (each,), goal, remark="C++")
     plan = np.zeros((60, 3))
     plan[:, 0] = 2.5 + 0.05 * np.arange(60)
     plan[:, 1] = 2.5 + 0.3 * np.sin(plan[:, 0])
-    trajectory = TrajectoryConfig(max_vel_x=1.0, meter_scoring=True, path_distance_bias=0.8, goal_distance_bias=1.0)
+    trajectory = TrajectoryConfig(
+        max_vel_x=1.0, meter_scoring=True, path_distance_bias=0.8, goal_distance_bias=1.0
+    )
     dwa = DwaConfig(
         max_vel_trans=1.0, max_vel_x=1.0, max_vel_y=0.0, min_vel_y=0.0, vx_samples=8,
         path_distance_bias=32.0, goal_distance_bias=24.0,
@@ -200,8 +241,12 @@ def _amcl_rows(repetitions: int) -> Iterator[Row]:
         localisation.set_map(grid)
         localisation.set_pose(Pose(2.5, 2.5), np.diag([0.01, 0.01, 0.01]))
 
-        each = _cpu_ms(lambda one=localisation: [one.advance(pose, scan) for pose in poses], repetitions) / len(poses)
-        yield Row(f"amcl update, {particles} particles, 60 beams", "CPU ms", (each,), goal, remark="C++")
+        each = _cpu_ms(
+            lambda one=localisation: [one.advance(pose, scan) for pose in poses], repetitions
+        ) / len(poses)
+        yield Row(
+            f"amcl update, {particles} particles, 60 beams", "CPU ms", (each,), goal, remark="C++"
+        )
 
 
 def main() -> int:

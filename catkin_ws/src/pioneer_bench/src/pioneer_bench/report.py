@@ -40,17 +40,26 @@ def write(folder: Path, name: str, title: str, text: str, values: object) -> Non
 
 
 def finish(
-    options: argparse.Namespace, name: str, title: str, rows: Sequence[Row], remark: str = "", **values: Any
+    options: argparse.Namespace,
+    name: str,
+    title: str,
+    rows: Sequence[Row],
+    remark: str = "",
+    **values: Any,
 ) -> int:
     """Writes the table of ``rows`` with a remark, and the same with ``values`` as JSON.
 
     Returns:
         The bench's exit status: 0 if every goal is met, else 1.
     """
-    text = (
-        f"{table(rows)}\n\n{os.cpu_count()} cores, load before the run {LOAD:.1f}; medians and ranges. {remark}".strip()
-    )
-    found = {"cores": os.cpu_count(), "load": LOAD, "rows": [row.as_dict() for row in rows], **values}
+    conditions = f"{os.cpu_count()} cores, load before the run {LOAD:.1f}; medians and ranges."
+    text = f"{table(rows)}\n\n{conditions} {remark}".strip()
+    found = {
+        "cores": os.cpu_count(),
+        "load": LOAD,
+        "rows": [row.as_dict() for row in rows],
+        **values,
+    }
     write(options.output, name, title, text, found)
     return 1 if any(row.holds is False for row in rows) else 0
 

@@ -6,18 +6,30 @@ import dataclasses
 from pioneer_bench.core.simulator import SETTINGS, Rates, Run, table
 from pioneer_bench.report import measured, write
 
-EXPLANATION = "`!` misses its goal; `ratio` is to the peer. CPU-s: all threads of the simulator's process."
+EXPLANATION = (
+    "`!` misses its goal; `ratio` is to the peer. CPU-s: all threads of the simulator's process."
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds this bench's options."""
-    parser.add_argument("--setting", nargs="+", choices=SETTINGS, default=list(SETTINGS), help="default: all")
-    parser.add_argument("--robots", type=int, nargs="+", metavar="N", help="instead of the setting's numbers")
-    parser.add_argument("--seconds", type=float, default=10.0, help="simulated length of each window [s]")
+    parser.add_argument(
+        "--setting", nargs="+", choices=SETTINGS, default=list(SETTINGS), help="default: all"
+    )
+    parser.add_argument(
+        "--robots", type=int, nargs="+", metavar="N", help="instead of the setting's numbers"
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=10.0, help="simulated length of each window [s]"
+    )
     parser.add_argument("--beams", type=int, help="of a scan, instead of the setting's")
     parser.add_argument("--scan-rate", type=float, help="[Hz], instead of the setting's")
-    parser.add_argument("--odometry-rate", type=float, help="of odom and tf [Hz], instead of the setting's")
-    parser.add_argument("--real-time-factor", type=float, help="0: as fast as possible; instead of the setting's")
+    parser.add_argument(
+        "--odometry-rate", type=float, help="of odom and tf [Hz], instead of the setting's"
+    )
+    parser.add_argument(
+        "--real-time-factor", type=float, help="0: as fast as possible; instead of the setting's"
+    )
     parser.add_argument("--seed", type=int, default=1, help="of walls and noise")
 
 
@@ -38,7 +50,13 @@ def run(options: argparse.Namespace) -> int:
         sections.append(f"## {rates.title}\n\n{table(found[name], rates.peers)}\n{peer}")
     values = {name: [one.as_dict() for one in runs] for name, runs in found.items()}
     write(options.output, "simulator", "The simulator", "\n".join([*sections, EXPLANATION]), values)
-    return 0 if all(holds for runs in found.values() for one in runs for _, holds in one.goals().values()) else 1
+    return (
+        0
+        if all(
+            holds for runs in found.values() for one in runs for _, holds in one.goals().values()
+        )
+        else 1
+    )
 
 
 def _rates(rates: Rates, options: argparse.Namespace) -> Rates:
@@ -47,7 +65,12 @@ def _rates(rates: Rates, options: argparse.Namespace) -> Rates:
     asked = {name: getattr(options, name) for name in names}
     changes = {name: value for name, value in asked.items() if value is not None}
     if changes.keys() - {"robots"}:
-        changes |= {"title": f"{rates.title}; changed: {changes}", "peers": {}, "peer": "", "goals": {}}
+        changes |= {
+            "title": f"{rates.title}; changed: {changes}",
+            "peers": {},
+            "peer": "",
+            "goals": {},
+        }
     return dataclasses.replace(rates, **changes)
 
 

@@ -54,10 +54,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds this bench's options."""
     worlds = [*SHIPPED, *NARROW]
     parser.add_argument("--worlds", nargs="+", choices=worlds, default=worlds, help="default: all")
-    parser.add_argument("--robots", type=int, nargs="+", metavar="N", default=[4, 8, 15], help="default: 4 8 15")
-    parser.add_argument("--seeds", type=int, default=3, metavar="K", help="trials of each size (default %(default)s)")
-    parser.add_argument("--waypoints", type=int, default=4, metavar="K", help="of each robot (default %(default)s)")
-    parser.add_argument("--parallel", type=int, default=1, metavar="N", help="trials at a time (default %(default)s)")
+    parser.add_argument(
+        "--robots", type=int, nargs="+", metavar="N", default=[4, 8, 15], help="default: 4 8 15"
+    )
+    parser.add_argument(
+        "--seeds",
+        type=int,
+        default=3,
+        metavar="K",
+        help="trials of each size (default %(default)s)",
+    )
+    parser.add_argument(
+        "--waypoints", type=int, default=4, metavar="K", help="of each robot (default %(default)s)"
+    )
+    parser.add_argument(
+        "--parallel",
+        type=int,
+        default=1,
+        metavar="N",
+        help="trials at a time (default %(default)s)",
+    )
     parser.add_argument("--resume", action="store_true", help=f"resume the trials in DIR/{_TRIALS}")
 
 
@@ -85,7 +101,10 @@ def _results(options: argparse.Namespace) -> list[Result]:
     lines = path.read_text().splitlines() if options.resume and path.exists() else []
     known = {one.key: one for one in (Result(**json.loads(line)) for line in lines)}
     missing = [key for key in asked if key not in known]
-    with ProcessPoolExecutor(options.parallel) as pool, path.open("a" if options.resume else "w") as file:
+    with (
+        ProcessPoolExecutor(options.parallel) as pool,
+        path.open("a" if options.resume else "w") as file,
+    ):
         for result in pool.map(_trial, *zip(*missing, strict=True)) if missing else ():
             known[result.key] = result
             print(json.dumps(asdict(result)), file=file, flush=True)
@@ -103,7 +122,9 @@ def _world(name: str) -> tuple[FreeSpace, Roadmap]:
     return space, roadmap_from_space(space)
 
 
-def _tours(world: str, robots: int, seed: int, waypoints: int) -> tuple[list[Point], list[list[Point]]]:
+def _tours(
+    world: str, robots: int, seed: int, waypoints: int
+) -> tuple[list[Point], list[list[Point]]]:
     if world == SWAP:
         ends = [(0.45, 0.45), (29.45, 0.45)]
         return ends, [[ends[1]], [ends[0]]]
@@ -113,7 +134,10 @@ def _tours(world: str, robots: int, seed: int, waypoints: int) -> tuple[list[Poi
 def _trial(world: str, robots: int, seed: int, waypoints: int) -> Result:
     space, roadmap = _world(world)
     starts, tours = _tours(world, robots, seed, waypoints)
-    alone = [seconds_alone(space, roadmap, start, tour) for start, tour in zip(starts, tours, strict=True)]
+    alone = [
+        seconds_alone(space, roadmap, start, tour)
+        for start, tour in zip(starts, tours, strict=True)
+    ]
     outcome = Trial(roadmap, space, starts, tours, seed=seed).run(_LIMIT)
     done = [min(seconds, _LIMIT) for seconds in outcome.finished]
     return Result(
@@ -147,7 +171,9 @@ def _rows(results: Sequence[Result]) -> list[Row]:
         name = f"{world}, {robots} robots"
         missed = tuple(float(one.asked - one.reached) for one in own)
         rows.append(Row(f"{name}: waypoints missed", "", missed, 0.0, every=True))
-        rows.append(Row(f"{name}: contacts", "", tuple(float(one.contacts) for one in own), 0.0, every=True))
+        rows.append(
+            Row(f"{name}: contacts", "", tuple(float(one.contacts) for one in own), 0.0, every=True)
+        )
         seconds = tuple(one.seconds for one in own)
         goal = 1.5 * own[0].slowest_alone + _WAIT if world == SWAP else None
         rows.append(Row(f"{name}: time", "s", seconds, goal, every=True))
@@ -166,7 +192,11 @@ def _draw(results: Sequence[Result], path: Path) -> None:
     for number, world in enumerate(dict.fromkeys(one.world for one in results)):
         for size in sizes:
             own = [one for one in results if (one.world, one.robots) == (world, size)]
-            label = world if own and size == max(one.robots for one in results if one.world == world) else None
+            label = (
+                world
+                if own and size == max(one.robots for one in results if one.world == world)
+                else None
+            )
             axes.scatter(
                 [one.alone for one in own],
                 [one.seconds for one in own],
@@ -212,7 +242,9 @@ def _draw_densest(results: Sequence[Result], path: Path) -> None:
         colour = colormaps["tab20"](robot % 20)
         axes.plot(*zip(*track, strict=True), color=colour, linewidth=0.8, alpha=0.8)
         axes.plot(*starts[robot], marker="o", color=colour, markersize=5)
-        axes.plot(*zip(*tours[robot], strict=True), marker="x", linestyle="", color=colour, markersize=6)
+        axes.plot(
+            *zip(*tours[robot], strict=True), marker="x", linestyle="", color=colour, markersize=6
+        )
     axes.set(
         title=f"{one.world}, {one.robots} robots, seed {one.seed}: {one.reached} of {one.asked} waypoints in "
         f"{one.seconds:.0f} s; dots are starts, crosses waypoints",

@@ -35,8 +35,12 @@ SETTLE = 6.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds this bench's options."""
     parser.add_argument("--robots", type=int, default=15, metavar="N", help="default: %(default)s")
-    parser.add_argument("--pages", type=int, nargs="*", default=[0, 1, 5, 10], metavar="N", help="default: 0 1 5 10")
-    parser.add_argument("--repetitions", type=int, default=3, metavar="N", help="default: %(default)s")
+    parser.add_argument(
+        "--pages", type=int, nargs="*", default=[0, 1, 5, 10], metavar="N", help="default: 0 1 5 10"
+    )
+    parser.add_argument(
+        "--repetitions", type=int, default=3, metavar="N", help="default: %(default)s"
+    )
     parser.add_argument("--seconds", type=float, default=5.0, help="length of each window [s]")
 
 
@@ -115,7 +119,9 @@ def _rows(url: str, pid: int, count: int, options: argparse.Namespace) -> list[R
         for number in range(count):
             socket = stack.enter_context(_page(url))
             threading.Thread(target=_drain, args=(socket, sizes, number), daemon=True).start()
-        time.sleep(SETTLE)  # not a wait for a condition: the first pictures must not count as running cost
+        time.sleep(
+            SETTLE
+        )  # not a wait for a condition: the first pictures must not count as running cost
         costs, flows = [], list[float]()
         for _ in range(options.repetitions):
             began, cpu, size = time.monotonic(), _cpu(pid), sum(sizes)
@@ -125,7 +131,14 @@ def _rows(url: str, pid: int, count: int, options: argparse.Namespace) -> list[R
             flows.append((sum(sizes) - size) / took / max(1, count))
     rows = [Row(f"{count} pages: CPU of the server", "CPU-s/s", tuple(costs), CPU_GOALS.get(count))]
     if count:
-        rows.append(Row(f"{count} pages: to each of them", "byte/s", tuple(flows), BYTES_GOAL if count == 1 else None))
+        rows.append(
+            Row(
+                f"{count} pages: to each of them",
+                "byte/s",
+                tuple(flows),
+                BYTES_GOAL if count == 1 else None,
+            )
+        )
     print(table(rows), flush=True)
     return rows
 

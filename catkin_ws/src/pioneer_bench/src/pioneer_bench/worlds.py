@@ -10,22 +10,40 @@ import rospkg
 from pioneer_bench.core.row import markdown
 from pioneer_bench.report import measured, write
 
-HEADINGS = ("world", "robots", "load [s]", "RSS [MB]", "factor", "beams", "true", "largest error [mm]", "holds")
+HEADINGS = (
+    "world",
+    "robots",
+    "load [s]",
+    "RSS [MB]",
+    "factor",
+    "beams",
+    "true",
+    "largest error [mm]",
+    "holds",
+)
 FORMS = "{world}|{robots}|{load:.2f}|{rss:.0f}|{factor:.1f}|{beams}|{true}|{millimetres:.1f}|{word}"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds this bench's options."""
-    parser.add_argument("--robots", type=int, default=10, metavar="N", help="in each world (default: %(default)s)")
     parser.add_argument(
-        "--world", nargs="*", default=[], metavar="FILE", help="only these (default: all of the package)"
+        "--robots", type=int, default=10, metavar="N", help="in each world (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--world",
+        nargs="*",
+        default=[],
+        metavar="FILE",
+        help="only these (default: all of the package)",
     )
 
 
 def run(options: argparse.Namespace) -> int:
     """Runs each world in a separate process; returns 0 if all goals are met, else 1."""
     package = Path(rospkg.RosPack().get_path("pioneer_gazebo"))
-    shipped = sorted([*(package / "worlds").glob("*.world"), *(package / "test" / "world").glob("*.world")])
+    shipped = sorted(
+        [*(package / "worlds").glob("*.world"), *(package / "test" / "world").glob("*.world")]
+    )
     figures = []
     for name in options.world or [*map(str, shipped), "285 loose boxes", "97 mesh models"]:
         one = measured("world", {"world": name, "robots": options.robots})

@@ -34,7 +34,9 @@ def missed(rows: Iterator[Row]) -> list[tuple[str, str, float | None]]:
 
 
 @pytest.mark.parametrize("name", accuracy.MOTIONS)
-def test_a_run_ends_where_it_was_commanded_and_odometry_agrees(worlds: Worlds, robot: Robot, name: str) -> None:
+def test_a_run_ends_where_it_was_commanded_and_odometry_agrees(
+    worlds: Worlds, robot: Robot, name: str
+) -> None:
     assert not missed(accuracy.motion_rows(worlds.make, robot, name, accuracy.MOTIONS[name]))
 
 
@@ -42,7 +44,9 @@ def test_a_wall_is_neither_entered_nor_climbed_at_full_speed(worlds: Worlds, rob
     assert not missed(accuracy.wall_rows(worlds.make, robot))
 
 
-def test_a_robot_that_was_told_to_stop_stands_still_for_thirty_seconds(worlds: Worlds, robot: Robot) -> None:
+def test_a_robot_that_was_told_to_stop_stands_still_for_thirty_seconds(
+    worlds: Worlds, robot: Robot
+) -> None:
     assert not missed(accuracy.standstill_rows(worlds.make, robot))
 
 

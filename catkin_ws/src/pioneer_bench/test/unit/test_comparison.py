@@ -50,7 +50,10 @@ def test_a_figure_is_judged_with_the_machine_s_speed_taken_out(
 
 
 def test_a_goal_says_which_way_a_figure_should_go() -> None:
-    assert judged(Row("x", "m", (0.3,), 0.2, at_least=True), Row("x", "m", (0.2,), 0.2)).judgement == "worse"
+    assert (
+        judged(Row("x", "m", (0.3,), 0.2, at_least=True), Row("x", "m", (0.2,), 0.2)).judgement
+        == "worse"
+    )
     assert judged(Row("x", "m", (0.3,), 0.5), Row("x", "m", (0.2,), 0.5)).judgement == "better"
 
 
@@ -67,7 +70,9 @@ def test_random_machines_hide_no_broken_subject_and_invent_none() -> None:
         cost = source.uniform(0.01, 5.0)
         broken = source.random() < 0.5
         factor = source.uniform(1.1, 3.0) if broken else 1.0
-        change = judged(Row("x", "CPU ms", (cost,)), Row("x", "CPU ms", (cost * slower * factor,)), slower)
+        change = judged(
+            Row("x", "CPU ms", (cost,)), Row("x", "CPU ms", (cost * slower * factor,)), slower
+        )
         assert change.judgement == ("worse" if broken else "")
 
 
@@ -85,11 +90,15 @@ def test_reports_of_the_simulator_are_compared_run_by_run() -> None:
 
 def compared(folder: Path, old: object, new: object) -> int:
     for name, content in (("old", old), ("new", new)):
-        (folder / f"{name}.json").write_text(content if isinstance(content, str) else json.dumps(content))
+        (folder / f"{name}.json").write_text(
+            content if isinstance(content, str) else json.dumps(content)
+        )
     return compare.run(argparse.Namespace(old=folder / "old.json", new=folder / "new.json"))
 
 
-def test_the_command_ends_with_1_if_something_is_worse(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_ends_with_1_if_something_is_worse(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     good, bad = report_of([Row("x", "MB", (10.0,))]), report_of([Row("x", "MB", (20.0,))])
     assert compared(tmp_path, good, good) == 0
     assert compared(tmp_path, good, bad) == 1
@@ -114,7 +123,9 @@ def test_a_report_that_cannot_be_compared_is_named_in_one_line(
     assert error.count("\n") == 1
 
 
-def test_a_report_carries_the_machine_s_speed_before_and_after(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_report_carries_the_machine_s_speed_before_and_after(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(report, "_speed_before", [])
     report.begin()
     options = argparse.Namespace(output=tmp_path)

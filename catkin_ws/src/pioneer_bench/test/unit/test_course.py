@@ -24,8 +24,13 @@ def test_random_parameters_repeat_with_their_seed_alone_and_both_costmaps_have_t
     assert random_changes(1) == random_changes(1) != random_changes(2)
     for seed in range(20):
         changes = random_changes(seed)
-        assert changes["global_costmap/inflation_radius"] == changes["local_costmap/inflation_radius"]
-        assert changes["TrajectoryPlannerROS/min_vel_theta"] == -changes["TrajectoryPlannerROS/max_vel_theta"]
+        assert (
+            changes["global_costmap/inflation_radius"] == changes["local_costmap/inflation_radius"]
+        )
+        assert (
+            changes["TrajectoryPlannerROS/min_vel_theta"]
+            == -changes["TrajectoryPlannerROS/max_vel_theta"]
+        )
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -40,7 +45,10 @@ def test_the_map_shows_walls_and_not_what_is_hidden() -> None:
     made = course.clutter(1, count=3)
     grid = made.grid()
     x, y, _ = made.hidden.circles[0]
-    column, row = int((x - grid.origin.x) / grid.resolution), int((y - grid.origin.y) / grid.resolution)
+    column, row = (
+        int((x - grid.origin.x) / grid.resolution),
+        int((y - grid.origin.y) / grid.resolution),
+    )
     assert grid.cells[row, column] == 0
     assert np.count_nonzero(grid.cells == 100) > 0
 

@@ -4,7 +4,14 @@ import json
 
 import pytest
 
-from pioneer_bench.core.gateway import Flow, brisk_rows, encrypted_rows, large_rows, paced_rows, steady_rows
+from pioneer_bench.core.gateway import (
+    Flow,
+    brisk_rows,
+    encrypted_rows,
+    large_rows,
+    paced_rows,
+    steady_rows,
+)
 from pioneer_bench.core.row import Row, table
 
 

@@ -49,14 +49,19 @@ def test_every_tour_has_to_know_where_it_is_not_the_middle_one() -> None:
 
 
 def test_amcl_and_move_base_are_held_to_their_sum() -> None:
-    rows = tour_rows(CONDITIONS["perfect"], [tour(cpu={"amcl": 0.1, "move_base": 0.15, "simulator": 1.0})])
+    rows = tour_rows(
+        CONDITIONS["perfect"], [tour(cpu={"amcl": 0.1, "move_base": 0.15, "simulator": 1.0})]
+    )
     both = row(rows, "both", "CPU-s/sim-s")
     assert (both.samples, both.holds) == ((0.25,), False)
     assert row(rows, "both", "MB").holds is True
 
 
 def test_a_drawn_map_has_a_row_and_costs_have_no_goal() -> None:
-    own = {"cpu": {"slam_gmapping": 0.09, "move_base": 0.3}, "rss": {"slam_gmapping": 90.0, "move_base": 62.0}}
+    own = {
+        "cpu": {"slam_gmapping": 0.09, "move_base": 0.3},
+        "rss": {"slam_gmapping": 90.0, "move_base": 62.0},
+    }
     rows = tour_rows(CONDITIONS["mapping"], [tour(map_iou=0.97, **own)])
     assert row(rows, "map IoU").samples == (0.97,)
     assert row(rows, "both", "CPU-s/sim-s").holds is None

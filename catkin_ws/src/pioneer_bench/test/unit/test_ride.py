@@ -29,7 +29,9 @@ def test_a_corner_is_not_cut(parameters: dict[str, object]) -> None:
     assert driven(course.slalom(), parameters, clearance_scale=0.0).clearance < 0.08
 
 
-def test_a_robot_that_pushes_what_the_laser_does_not_see_gives_up(parameters: dict[str, object]) -> None:
+def test_a_robot_that_pushes_what_the_laser_does_not_see_gives_up(
+    parameters: dict[str, object],
+) -> None:
     against = driven(course.doorstep(), parameters)
     assert (against.reached, against.stuck) == (0, False)
     assert "commanded to drive and does not move" in against.last
@@ -45,7 +47,9 @@ def test_a_robot_does_not_circle_for_good_where_turning_is_cheapest(
     assert (through.reached, through.contacts, through.stuck) == (4, 0, False)
 
 
-def test_dwa_keeps_its_corners_from_walls_and_does_not_turn_before_them_for_good(parameters: dict[str, object]) -> None:
+def test_dwa_keeps_its_corners_from_walls_and_does_not_turn_before_them_for_good(
+    parameters: dict[str, object],
+) -> None:
     parameters = {**parameters, "base_local_planner": "dwa_local_planner/DWAPlannerROS"}
     assert driven(course.slalom(), parameters).clearance > 0.25
     through = ride(course.maze(5), parameters, 5)
@@ -57,7 +61,9 @@ def test_a_narrow_door_is_still_passed(parameters: dict[str, object]) -> None:
     assert (through.reached, through.contacts, through.recoveries) == (8, 0, 0)
 
 
-def test_a_cylinder_that_the_map_does_not_show_is_not_touched(parameters: dict[str, object]) -> None:
+def test_a_cylinder_that_the_map_does_not_show_is_not_touched(
+    parameters: dict[str, object],
+) -> None:
     among = driven(course.clutter(2), parameters)
     assert (among.reached, among.contacts) == (8, 0)
     assert among.way / among.seconds > 0.45
@@ -98,7 +104,10 @@ def test_a_maze_is_one_piece(seed: int) -> None:
     free = grid.cells == 0
     reached = np.zeros_like(free)
     start = course.maze(seed).start
-    row, col = (int((value - corner) / 0.05) for value, corner in ((start.y, grid.origin.y), (start.x, grid.origin.x)))
+    row, col = (
+        int((value - corner) / 0.05)
+        for value, corner in ((start.y, grid.origin.y), (start.x, grid.origin.x))
+    )
     reached[row, col] = True
     while True:
         grown = reached.copy()

@@ -5,7 +5,9 @@ import sys
 from pioneer_demo.adapters.interrupt import Interrupt
 
 if __name__ == "__main__":
-    interrupt = Interrupt()  # first, so that Ctrl-C during the imports below also ends the command cleanly
+    interrupt = (
+        Interrupt()
+    )  # first, so that Ctrl-C during the imports below also ends the command cleanly
     if sys.argv[1:2] == ["experiment"]:
         from pioneer_demo.nodes import experiment
 

@@ -19,7 +19,10 @@ BEAMS_KEPT = 180
 
 def floor_from_grid(message: Any) -> Floor:
     """Returns the floor of an unrotated ``nav_msgs/OccupancyGrid`` whose ``data`` is a numpy array."""
-    cells, corner = message.data.reshape(message.info.height, message.info.width), message.info.origin.position
+    cells, corner = (
+        message.data.reshape(message.info.height, message.info.width),
+        message.info.origin.position,
+    )
     return floor_from_cells(cells, message.info.resolution, corner.x, corner.y)
 
 
@@ -27,9 +30,13 @@ def hits_from_scan(message: Any, mount: Pose) -> Hits:
     """Returns the end points of a ``sensor_msgs/LaserScan``'s beams, in the parent frame of the sensor's ``mount``."""
     every = max(1, len(message.ranges) // BEAMS_KEPT)
     ranges = np.asarray(message.ranges[::every], np.float32)
-    angles = mount.yaw + message.angle_min + np.arange(len(ranges)) * message.angle_increment * every
+    angles = (
+        mount.yaw + message.angle_min + np.arange(len(ranges)) * message.angle_increment * every
+    )
     met = (ranges >= message.range_min) & (ranges <= message.range_max)
-    return np.column_stack([mount.x + ranges * np.cos(angles), mount.y + ranges * np.sin(angles)])[met].astype("f4")
+    return np.column_stack([mount.x + ranges * np.cos(angles), mount.y + ranges * np.sin(angles)])[
+        met
+    ].astype("f4")
 
 
 def counters_from_diagnostics(message: Any) -> Iterator[tuple[str, int, int]]:
@@ -58,7 +65,14 @@ def status_from_message(message: Any) -> str:
 
 def trouble_from_state(message: Any) -> str:
     """Returns why a robot does not get on, from a ``nav_bundle/NavigationState``; empty if it does, or has no goal."""
-    troubled = (message.RECOVERING, message.BLOCKED, message.WAITING, message.LOST, message.HELD, message.FAILED)
+    troubled = (
+        message.RECOVERING,
+        message.BLOCKED,
+        message.WAITING,
+        message.LOST,
+        message.HELD,
+        message.FAILED,
+    )
     return message.text if message.state in troubled else ""
 
 

@@ -13,7 +13,11 @@ from pioneer_harness.wait import wait_until
 
 _MARK = "PIONEER_DEMO_TEST"
 _CTRL_C = 5.0
-_FOREIGN = {"ROS_NAMESPACE": "/elsewhere", "ROS_HOSTNAME": "no-such-host.invalid", "GATEWAY_NETWORK_INTERFACE": "eth9"}
+_FOREIGN = {
+    "ROS_NAMESPACE": "/elsewhere",
+    "ROS_HOSTNAME": "no-such-host.invalid",
+    "GATEWAY_NETWORK_INTERFACE": "eth9",
+}
 """Variables that a user's shell may have set for another fleet; every demo of these tests runs with them."""
 
 
@@ -34,7 +38,11 @@ class Running:
         command = [sys.executable, "-m", "pioneer_demo", command, *folder, *map(str, options)]
         with self.output.open("wb") as output:
             self.process = subprocess.Popen(
-                command, env=environment, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
+                command,
+                env=environment,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
             )
 
     def text(self):
@@ -42,7 +50,11 @@ class Running:
 
     def processes(self):
         """Returns the command line of each live process that carries the mark, by PID."""
-        marked = (pid for pid, state in process_states().items() if state.alive and has_variable(pid, _MARK, self.mark))
+        marked = (
+            pid
+            for pid, state in process_states().items()
+            if state.alive and has_variable(pid, _MARK, self.mark)
+        )
         return {pid: " ".join(arguments(pid)) for pid in marked}
 
     def await_words(self, words, timeout):

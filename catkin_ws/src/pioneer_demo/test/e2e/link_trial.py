@@ -13,9 +13,17 @@ networks = Networks(["one", "two"], 6380)
 server = subprocess.Popen(networks.placed("one", [sys.executable, ECHO]), stdout=subprocess.PIPE)
 assert server.stdout is not None
 server.stdout.readline()
-for robot, condition in [("", {}), ("two", {}), ("", {"loss": 0.2, "delay": 0.05}), ("", {"loss": 1.0})]:
+for robot, condition in [
+    ("", {}),
+    ("two", {}),
+    ("", {"loss": 0.2, "delay": 0.05}),
+    ("", {"loss": 1.0}),
+]:
     networks.set("one", Condition(**condition))
-    subprocess.run(networks.placed(robot, [sys.executable, ECHO, networks.environment("one")["ROS_IP"]]), check=True)
+    subprocess.run(
+        networks.placed(robot, [sys.executable, ECHO, networks.environment("one")["ROS_IP"]]),
+        check=True,
+    )
 server.kill()
 server.wait()
 networks.close()

@@ -23,7 +23,9 @@ def assert_all_gone(demo):
 
 def test_two_robots_reach_their_waypoints_through_the_gateways_and_are_filmed(start, tmp_path):
     film, recording = tmp_path / "run.mp4", tmp_path / "run.mcap"
-    demo = start("--robots", 2, "--waypoints", 1, "--seed", 4, "--video", film, "--record", recording)
+    demo = start(
+        "--robots", 2, "--waypoints", 1, "--seed", 4, "--video", film, "--record", recording
+    )
     assert demo.process.wait(_WHOLE) == 0, demo.text()
     assert_all_gone(demo)
     numbers = json.loads((demo.report / "report.json").read_text())
@@ -50,13 +52,18 @@ def assert_opens(recording):
     """Checks that the MCAP library finds each computer's messages once, under the computer that published them."""
     with recording.open("rb") as file:
         summary = make_reader(file).get_summary()
-        counts = {one.topic: summary.statistics.channel_message_counts[key] for key, one in summary.channels.items()}
+        counts = {
+            one.topic: summary.statistics.channel_message_counts[key]
+            for key, one in summary.channels.items()
+        }
         decoded = make_reader(file, decoder_factories=[DecoderFactory()])
         *_, scan = next(decoded.iter_decoded_messages(topics=["/base/pioneer1/base_scan"]))
     assert len(scan.ranges) == 180
     assert counts["/base/clock"] > 500
     assert all(counts[f"/aadi{number}/pioneer{number}/amcl_pose"] for number in (1, 2))
-    assert not any(topic.endswith("/clock") for topic in counts if topic != "/base/clock"), "not what gateways carry"
+    assert not any(topic.endswith("/clock") for topic in counts if topic != "/base/clock"), (
+        "not what gateways carry"
+    )
 
 
 def assert_quiet(demo):
@@ -69,7 +76,16 @@ def assert_quiet(demo):
 
 
 def seconds_of(film):
-    command = ["ffprobe", "-v", "error", "-show_entries", "format=duration", "-of", "csv=p=0", str(film)]
+    command = [
+        "ffprobe",
+        "-v",
+        "error",
+        "-show_entries",
+        "format=duration",
+        "-of",
+        "csv=p=0",
+        str(film),
+    ]
     return float(subprocess.run(command, capture_output=True, check=True, text=True).stdout)
 
 
@@ -107,7 +123,9 @@ def own_world(tmp_path):
     return Path(shutil.copy(worlds / "closed_maze.world", tmp_path / "my own.world"))
 
 
-def test_a_demo_in_ones_own_world_wants_its_map_and_one_beside_it_takes_other_ports(start, own_world):
+def test_a_demo_in_ones_own_world_wants_its_map_and_one_beside_it_takes_other_ports(
+    start, own_world
+):
     lacking = start("--world", own_world)
     assert lacking.process.wait(60.0) == 2
     (line,) = lacking.text().splitlines()
@@ -125,7 +143,16 @@ def test_a_demo_in_ones_own_world_wants_its_map_and_one_beside_it_takes_other_po
 
 
 def test_a_bad_argument_is_one_line_and_starts_nothing(tmp_path):
-    command = [sys.executable, "-m", "pioneer_demo", "demo", "--robots", "0", "--report", str(tmp_path / "report")]
+    command = [
+        sys.executable,
+        "-m",
+        "pioneer_demo",
+        "demo",
+        "--robots",
+        "0",
+        "--report",
+        str(tmp_path / "report"),
+    ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1

@@ -44,14 +44,24 @@ def python(study, *words, **options):
 
 
 def experiment(study, *where):
-    words = ("pioneer_demo", "experiment", "study.yaml", "--output", "out", *(where or ("--jobs", "2")))
+    words = (
+        "pioneer_demo",
+        "experiment",
+        "study.yaml",
+        "--output",
+        "out",
+        *(where or ("--jobs", "2")),
+    )
     return python(study, *words, stdout=subprocess.PIPE)
 
 
 @pytest.fixture
 def scheduler(study):
     """Yields the address of a manually started scheduler with one worker."""
-    file, common = study / "scheduler.json", ["--no-dashboard", "--scheduler-file", "scheduler.json"]
+    file, common = (
+        study / "scheduler.json",
+        ["--no-dashboard", "--scheduler-file", "scheduler.json"],
+    )
     with (study / "dask.txt").open("w") as log:
         words = ["distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", *common]
         running = [python(study, *words, stdout=log)]
@@ -94,7 +104,9 @@ def test_a_killed_worker_and_ctrl_c_lose_no_run_and_repeat_none_that_was_done(st
     ended = [run for run, _ in noted(study, "end")]
     for name in kept:
         variant, seed = name.split("-")
-        assert ended.count([{"near": "1", "far": "2"}[variant], seed]) == 1, "done once and not again"
+        assert ended.count([{"near": "1", "far": "2"}[variant], seed]) == 1, (
+            "done once and not again"
+        )
     variants = json.loads((study / "out" / "summary.json").read_text())["variants"]
     assert variants["near"]["success"] == {"count": 3, "rate": 0.75, "low": pytest.approx(0.194, abs=1e-3),
         "high": pytest.approx(0.994, abs=1e-3)}  # fmt: skip
@@ -139,7 +151,9 @@ def test_two_studies_at_once_finish_whoever_holds_dasks_common_folder(study, mon
     common = study / "tmp" / "dask-worker-space"
     common.mkdir(parents=True)
     monkeypatch.setenv("TMPDIR", str(study / "tmp"))
-    (study / "other.yaml").write_text((study / "study.yaml").read_text().replace(f"runs: {RUNS // 2}", "runs: 1"))
+    (study / "other.yaml").write_text(
+        (study / "study.yaml").read_text().replace(f"runs: {RUNS // 2}", "runs: 1")
+    )
     with (common / "global.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         words = ("pioneer_demo", "experiment", "other.yaml", "--jobs", "1", "--output")
@@ -156,7 +170,16 @@ def test_two_studies_on_one_scheduler_keep_their_results_apart(study, scheduler)
     (study / "other.yaml").write_text(text.replace("near: {}", "near: {waypoints: 5}"))
     words = ("--scheduler", scheduler, "--runs", "2")
     both = [
-        python(study, "pioneer_demo", "experiment", f"{name}.yaml", *words, "--output", name, stdout=subprocess.PIPE)
+        python(
+            study,
+            "pioneer_demo",
+            "experiment",
+            f"{name}.yaml",
+            *words,
+            "--output",
+            name,
+            stdout=subprocess.PIPE,
+        )
         for name in ("study", "other")
     ]
     texts = [process.communicate(timeout=PATIENCE)[0] for process in both]
@@ -178,7 +201,9 @@ def test_a_study_does_not_continue_with_a_file_that_has_changed(study):
     shutil.copy(scenario_folder() / "world" / "corridor.world", world)
     with (study / "s.yaml").open("a") as scenario:
         scenario.write("world: hall.world\n")
-    (study / "s.yaml").write_text((study / "s.yaml").read_text().replace("world: small_world\n", ""))
+    (study / "s.yaml").write_text(
+        (study / "s.yaml").read_text().replace("world: small_world\n", "")
+    )
     first = experiment(study, "--jobs", "2", "--runs", "1")
     text, _ = first.communicate(timeout=PATIENCE)
     assert first.returncode == 0, text
@@ -186,16 +211,24 @@ def test_a_study_does_not_continue_with_a_file_that_has_changed(study):
     second = experiment(study, "--jobs", "2", "--runs", "1")
     text, _ = second.communicate(timeout=PATIENCE)
     assert second.returncode == 2
-    assert f"{world} has changed since the runs in out: restore it, or give another --output" in text
+    assert (
+        f"{world} has changed since the runs in out: restore it, or give another --output" in text
+    )
 
 
 @pytest.mark.parametrize(
     ("text", "told"),
     [
         ("scenario: none", "there is no scenario none"),
-        ("scenario: head_on\nvariants:\n  a: {wrold: x}", "variant a: unknown field wrold; did you mean world?"),
+        (
+            "scenario: head_on\nvariants:\n  a: {wrold: x}",
+            "variant a: unknown field wrold; did you mean world?",
+        ),
         ("scenario: head_on\nrunns: 3", "study.yaml:2: unknown field runns; did you mean runs?"),
-        ("scenario: head_on\nvariants:\n  a: {}\n  b: {seed: 1}", "study.yaml:4: variant b: it is equal to variant a"),
+        (
+            "scenario: head_on\nvariants:\n  a: {}\n  b: {seed: 1}",
+            "study.yaml:4: variant b: it is equal to variant a",
+        ),
         (
             "scenario: head_on\nvariants:\n  a: {}\n  b:\n    rounds: 0",
             "study.yaml:5: variant b: rounds must be 1 to 1000, not 0",

@@ -51,7 +51,9 @@ def keyboard():
     os.close(theirs)
 
 
-def test_a_fleet_stays_up_for_status_goals_killed_nodes_cmd_vel_and_teleop_until_ctrl_c(start, keyboard):
+def test_a_fleet_stays_up_for_status_goals_killed_nodes_cmd_vel_and_teleop_until_ctrl_c(
+    start, keyboard
+):
     fleet = start("--robots", 1, "--world", "small_world", command="fleet")
     fleet.await_words("1 robot is ready in small_world", START_UP)
     (robot,) = status(fleet)["robots"]
@@ -59,16 +61,26 @@ def test_a_fleet_stays_up_for_status_goals_killed_nodes_cmd_vel_and_teleop_until
     assert robot["master"] in fleet.text()
 
     environment = {**os.environ, "ROS_MASTER_URI": robot["master"], "ROS_IP": "127.0.0.1"}
-    world = subprocess.run(["rosparam", "get", "/world_name"], env=environment, capture_output=True, check=True)
+    world = subprocess.run(
+        ["rosparam", "get", "/world_name"], env=environment, capture_output=True, check=True
+    )
     assert world.stdout == b"small_world\n", "step 3's, through the gateways"
 
     x, y, _ = robot["pose"]
     send(environment, x, y)
-    wait_until(lambda: status(fleet)["robots"][0]["reached"] == 1, "the goal, which is where it stands", DRIVE)
+    wait_until(
+        lambda: status(fleet)["robots"][0]["reached"] == 1,
+        "the goal, which is where it stands",
+        DRIVE,
+    )
     for count, (node, goal) in enumerate((("amcl", (3.5, -3.0)), ("move_base", (-2.5, -0.5))), 2):
         send(environment, *goal)
         kill_while_driving(fleet, node)
-        wait_until(lambda n=count: status(fleet)["robots"][0]["reached"] == n, f"the goal without {node}", DRIVE)
+        wait_until(
+            lambda n=count: status(fleet)["robots"][0]["reached"] == n,
+            f"the goal without {node}",
+            DRIVE,
+        )
         (robot,) = status(fleet)["robots"]
         assert math.dist(goal, robot["pose"][:2]) < GOAL
         assert robot["localisation_error"] < GOAL
@@ -76,14 +88,25 @@ def test_a_fleet_stays_up_for_status_goals_killed_nodes_cmd_vel_and_teleop_until
 
     turn = ["/pioneer1/cmd_vel", "geometry_msgs/Twist", "[0.0, 0.0, 0.0]", "[0.0, 0.0, 0.5]"]
     publisher = subprocess.Popen(["rostopic", "pub", "-r", "10", *turn], env=environment)
-    wait_until(lambda: status(fleet)["robots"][0]["moving"], "the robot that a command on cmd_vel turns", DRIVE)
+    wait_until(
+        lambda: status(fleet)["robots"][0]["moving"],
+        "the robot that a command on cmd_vel turns",
+        DRIVE,
+    )
     publisher.send_signal(signal.SIGINT)
     publisher.wait(COMMAND)
-    wait_until(lambda: not status(fleet)["robots"][0]["moving"], "its stop, since no more commands come", DRIVE)
+    wait_until(
+        lambda: not status(fleet)["robots"][0]["moving"],
+        "its stop, since no more commands come",
+        DRIVE,
+    )
 
     ours, theirs = keyboard
     teleop = subprocess.Popen(
-        ["rosrun", "pioneer_fleet", "teleop", "pioneer1"], env=environment, stdin=theirs, stdout=subprocess.DEVNULL
+        ["rosrun", "pioneer_fleet", "teleop", "pioneer1"],
+        env=environment,
+        stdin=theirs,
+        stdout=subprocess.DEVNULL,
     )
     os.write(ours, b"aa")
     wait_until(lambda: status(fleet)["robots"][0]["moving"], "the robot that turns", DRIVE)
@@ -91,13 +114,17 @@ def test_a_fleet_stays_up_for_status_goals_killed_nodes_cmd_vel_and_teleop_until
     assert teleop.wait(COMMAND) == 0
     wait_until(lambda: not status(fleet)["robots"][0]["moving"], "the robot's stop", DRIVE)
 
-    subprocess.run(["rosparam", "set", "/pioneer1/amcl/odom_model_type", "hover"], env=environment, check=True)
+    subprocess.run(
+        ["rosparam", "set", "/pioneer1/amcl/odom_model_type", "hover"], env=environment, check=True
+    )
     kill(fleet, "amcl")
     wait_until(lambda: status(fleet)["faults"], "the fault of an amcl that cannot start", DRIVE)
     assert "pioneer1/amcl keeps dying" in fleet.text()
     assert "hover" in fleet.text()
     assert "odom_model_type" in status(fleet)["faults"][0]
-    subprocess.run(["rosparam", "set", "/pioneer1/amcl/odom_model_type", "diff"], env=environment, check=True)
+    subprocess.run(
+        ["rosparam", "set", "/pioneer1/amcl/odom_model_type", "diff"], env=environment, check=True
+    )
 
     fleet.interrupt()
     assert status(fleet) is None

@@ -51,7 +51,9 @@ class Fleet:
         self.first = self.status()
         self.masters = {robot["robot"]: robot["master"] for robot in self.first["robots"]}
         # The scripts that set up rules exit by themselves.
-        self.processes = {pid: line for pid, line in running.processes().items() if "/rocon_flip/" not in line}
+        self.processes = {
+            pid: line for pid, line in running.processes().items() if "/rocon_flip/" not in line
+        }
         self.memory = {pid: [] for pid in self.processes}
         self.reached = dict.fromkeys(self.masters, 0)
         self.left = dict.fromkeys(self.masters, self.first["simulated_seconds"])
@@ -61,7 +63,9 @@ class Fleet:
             self._patrol(robot, places, folder / f"{robot}.yaml")
 
     def status(self) -> dict:
-        found = next((one for one in running_fleets() if one["pid"] == self.running.process.pid), None)
+        found = next(
+            (one for one in running_fleets() if one["pid"] == self.running.process.pid), None
+        )
         assert found, f"the fleet ends:\n{self.running.text()}"
         return found
 
@@ -92,7 +96,9 @@ class Fleet:
         status, moment = self.status(), time.monotonic()
         if status["simulated_seconds"] > self.clock:
             self.clock, self.clock_seen = status["simulated_seconds"], moment
-        assert moment - self.clock_seen < CLOCK_STANDS_STILL, f"simulated time stands still at {self.clock} s"
+        assert moment - self.clock_seen < CLOCK_STANDS_STILL, (
+            f"simulated time stands still at {self.clock} s"
+        )
         for robot in status["robots"]:
             name = robot["robot"]
             leg = self.clock - self.left[name]
@@ -104,7 +110,11 @@ class Fleet:
     def sample(self) -> None:
         """Records the memory of every process."""
         states = process_states()
-        gone = [line for pid, line in self.processes.items() if pid not in states or not states[pid].alive]
+        gone = [
+            line
+            for pid, line in self.processes.items()
+            if pid not in states or not states[pid].alive
+        ]
         assert not gone, f"ended: {gone}"
         for pid, taken in self.memory.items():
             taken.append(states[pid].rss)
@@ -113,7 +123,9 @@ class Fleet:
 def _slave_apis(uri: str) -> set[str]:
     """Returns the XML-RPC server's host:port of each of this project's nodes on a master."""
     master = Client(uri, "/fuzz")
-    nodes = {node for kind in master.ask_master("getSystemState") for _, found in kind for node in found}
+    nodes = {
+        node for kind in master.ask_master("getSystemState") for _, found in kind for node in found
+    }
     ours = [node for node in nodes if not any(word in node for word in FOREIGN)]
     addresses = [urlsplit(master.ask_master("lookupNode", node)) for node in ours]
     return {f"127.0.0.1:{address.port}" for address in addresses}
@@ -152,12 +164,18 @@ def counts(logs: list[Path]) -> Counter[str]:
     """Returns how often each target has been hit so far."""
     total = Counter[str]()
     for log in logs:
-        lines = [line for line in (log.read_text().splitlines() if log.exists() else []) if line.startswith("{")]
+        lines = [
+            line
+            for line in (log.read_text().splitlines() if log.exists() else [])
+            if line.startswith("{")
+        ]
         total.update(json.loads(lines[-1]) if lines else {})
     return total
 
 
-def test_a_fleet_keeps_reaching_waypoints_under_hostile_input(start, tmp_path, monkeypatch, record_property):
+def test_a_fleet_keeps_reaching_waypoints_under_hostile_input(
+    start, tmp_path, monkeypatch, record_property
+):
     minutes = float(os.environ.get("PIONEER_FUZZ_MINUTES", "1"))
     seed = int(os.environ.get("PIONEER_FUZZ_SEED", "1"))
     monkeypatch.setenv("ROCON_HUB_PASSWORD", "fuzz")
@@ -168,7 +186,11 @@ def test_a_fleet_keeps_reaching_waypoints_under_hostile_input(start, tmp_path, m
         watch(fleet, group, logs, 60 * minutes)
     met = counts(logs)
     before = dict(fleet.reached)
-    wait_until(lambda: fleet.look() or all(fleet.reached[one] > before[one] for one in before), "one more waypoint", 90)
+    wait_until(
+        lambda: fleet.look() or all(fleet.reached[one] > before[one] for one in before),
+        "one more waypoint",
+        90,
+    )
     verdict(fleet, met, GROWTH if minutes >= LONG else GROWTH_AT_FIRST, record_property)
 
 
@@ -187,7 +209,9 @@ def watch(fleet: Fleet, group: ProcessGroup, logs: list[Path], seconds: float) -
         if time.monotonic() - told > min(REPORT, seconds / 12):
             told = time.monotonic()
             fleet.sample()
-            say(f"{told - began:.0f} s: {sum(counts(logs).values())} inputs, waypoints {fleet.reached}")
+            say(
+                f"{told - began:.0f} s: {sum(counts(logs).values())} inputs, waypoints {fleet.reached}"
+            )
         return time.monotonic() >= end
 
     wait_until(turn, "the end of the time", seconds + 60)
@@ -204,13 +228,20 @@ def verdict(fleet: Fleet, met: Counter[str], most: float, record_property) -> No
         record_property(f"waypoints of {robot}", count)
     seconds = fleet.clock - fleet.first["simulated_seconds"]
     longest = {robot: round(leg) for robot, leg in fleet.longest.items()}
-    say(f"waypoints reached: {fleet.reached} in {seconds:.0f} s of simulated time; longest ways {longest} s of {LEG:g}")
+    say(
+        f"waypoints reached: {fleet.reached} in {seconds:.0f} s of simulated time; longest ways {longest} s of {LEG:g}"
+    )
     grown = {}
     for pid, taken in fleet.memory.items():
         quarter = max(1, len(taken) // 4)
-        early, late = statistics.median(taken[quarter : 2 * quarter]), statistics.median(taken[-quarter:])
+        early, late = (
+            statistics.median(taken[quarter : 2 * quarter]),
+            statistics.median(taken[-quarter:]),
+        )
         grown[pid] = late - early
     worst = max(grown, key=grown.__getitem__)
     say(f"memory: largest growth {grown[worst] / MB:.1f} MB, of {fleet.processes[worst][-150:]}")
     for pid, growth in grown.items():
-        assert growth <= most, f"{fleet.processes[pid]} grew by {growth / MB:.1f} MB: {fleet.memory[pid]}"
+        assert growth <= most, (
+            f"{fleet.processes[pid]} grew by {growth / MB:.1f} MB: {fleet.memory[pid]}"
+        )

@@ -17,18 +17,34 @@ _WHOLE = 300.0
 _SAME = ("ground_truth.csv", "commands.csv", "report.json")
 
 
-def test_runs_in_lockstep_are_equal_byte_by_byte_beside_a_busy_machine_and_across_a_lost_link(start, tmp_path):
+def test_runs_in_lockstep_are_equal_byte_by_byte_beside_a_busy_machine_and_across_a_lost_link(
+    start, tmp_path
+):
     recording = tmp_path / "run.bag"
 
     def run(*options, meanwhile=lambda demo: None):
-        words = ("--lockstep", "--traffic", "--robots", 2, "--waypoints", 2, "--world", "small_world", "--seed", 4)
+        words = (
+            "--lockstep",
+            "--traffic",
+            "--robots",
+            2,
+            "--waypoints",
+            2,
+            "--world",
+            "small_world",
+            "--seed",
+            4,
+        )
         demo = start(*words, *options)
         meanwhile(demo)
         assert demo.process.wait(_WHOLE) == 0, demo.text()
         return {name: (demo.report / name).read_bytes() for name in _SAME}
 
     alone = run()
-    hogs = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(round(processors()) or 1)]
+    hogs = [
+        subprocess.Popen([sys.executable, "-c", "while True: pass"])
+        for _ in range(round(processors()) or 1)
+    ]
     try:
         beside = run("--record", recording)
     finally:
@@ -69,10 +85,15 @@ def test_faults_come_in_the_same_period_of_each_run_and_change_the_same_bytes(st
     assert [name for name in _SAME if first[name] != again[name]] == []
     commands = [line.split(",") for line in first["commands.csv"].splitlines()[1:]]
     driven = {
-        robot: [float(time) for time, name, *_ in commands if name == robot] for robot in ("pioneer1", "pioneer2")
+        robot: [float(time) for time, name, *_ in commands if name == robot]
+        for robot in ("pioneer1", "pioneer2")
     }
-    assert not [time for time in driven["pioneer1"] if 3.56 < time <= 4.7], "its computer is off, and waits for the hub"
-    assert not [time for times in driven.values() for time in times if 6.56 < time <= 7.5], "nothing crosses"
+    assert not [time for time in driven["pioneer1"] if 3.56 < time <= 4.7], (
+        "its computer is off, and waits for the hub"
+    )
+    assert not [time for times in driven.values() for time in times if 6.56 < time <= 7.5], (
+        "nothing crosses"
+    )
 
 
 def cut_link(demo):
@@ -80,7 +101,9 @@ def cut_link(demo):
     demo.await_words("waypoints  [", _WHOLE)  # waypoints are being sent now
     running = demo.processes().items()
     (gateway,) = (
-        pid for pid, line in running if "__name:=gateway" in line and has_variable(pid, "ROBOT_NAME", "pioneer1")
+        pid
+        for pid, line in running
+        if "__name:=gateway" in line and has_variable(pid, "ROBOT_NAME", "pioneer1")
     )
     port = re.search(r"Hub_Gateway (\d+)", demo.text())[1]
     master = MasterClient(f"http://127.0.0.1:{port}/")
@@ -105,4 +128,6 @@ def assert_opens(bag):
         connection, _, data = next(reader.messages(connections=scans))
         assert len(reader.deserialize(data, connection.msgtype).ranges) == 180
     assert all(counts[f"/aadi{number}/pioneer{number}/amcl_pose"] for number in (1, 2))
-    assert not any(topic.endswith("/clock") for topic in counts if topic != "/base/clock"), "not what gateways carry"
+    assert not any(topic.endswith("/clock") for topic in counts if topic != "/base/clock"), (
+        "not what gateways carry"
+    )

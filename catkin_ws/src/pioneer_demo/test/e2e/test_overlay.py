@@ -10,7 +10,9 @@ from pioneer_harness.masters import Master
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 OVERLAY = Path(__file__).resolve().parents[4] / "overlay"
 LAUNCH = """<launch>
@@ -29,18 +31,35 @@ LAUNCH = """<launch>
   <node pkg="move_base" type="move_base" name="move_base"/>
 </launch>
 """
-NODES = {"gazebo", "joint_state_publisher", "robot_state_publisher", "map_server", "amcl", "slam_gmapping", "move_base"}
+NODES = {
+    "gazebo",
+    "joint_state_publisher",
+    "robot_state_publisher",
+    "map_server",
+    "amcl",
+    "slam_gmapping",
+    "move_base",
+}
 
 
 def environment() -> dict[str, str]:
-    return {**os.environ, "ROS_PACKAGE_PATH": f"{OVERLAY}:{os.environ.get('ROS_PACKAGE_PATH', '/usr/share')}"}
+    return {
+        **os.environ,
+        "ROS_PACKAGE_PATH": f"{OVERLAY}:{os.environ.get('ROS_PACKAGE_PATH', '/usr/share')}",
+    }
 
 
-@pytest.mark.parametrize("package", sorted(path.parent.name for path in OVERLAY.glob("*/package.xml")))
+@pytest.mark.parametrize(
+    "package", sorted(path.parent.name for path in OVERLAY.glob("*/package.xml"))
+)
 def test_a_package_is_found_in_the_overlay_and_only_with_it(package: str) -> None:
-    found = subprocess.run(["rospack", "find", package], env=environment(), capture_output=True, text=True, check=False)
+    found = subprocess.run(
+        ["rospack", "find", package], env=environment(), capture_output=True, text=True, check=False
+    )
     assert found.stdout.strip() == str(OVERLAY / package)
-    without = subprocess.run(["rospack", "find", package], capture_output=True, text=True, check=False)
+    without = subprocess.run(
+        ["rospack", "find", package], capture_output=True, text=True, check=False
+    )
     assert without.stdout.strip() != str(OVERLAY / package)
 
 
@@ -61,7 +80,11 @@ def test_a_launch_file_of_the_originals_packages_starts_all_its_nodes(tmp_path: 
         def missing() -> set[str]:
             published, _, services = master.system_state()
             started = {name for name in NODES if f"/{name}/get_loggers" in services}
-            return (NODES | {"spawn"}) - started - ({"spawn"} if any("scan" in one for one in published) else set())
+            return (
+                (NODES | {"spawn"})
+                - started
+                - ({"spawn"} if any("scan" in one for one in published) else set())
+            )
 
         wait_until(lambda: not missing(), f"all nodes; missing: {missing()}", 60)
     finally:

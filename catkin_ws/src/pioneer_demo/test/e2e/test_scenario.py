@@ -12,7 +12,9 @@ def test_the_shipped_mapping_scenario_starts_each_robots_program_and_succeeds(st
         assert "Traceback" not in (run.report / "log" / f"program-1-of-{robot}.log").read_text()
 
 
-def test_a_robot_whose_computer_is_killed_gets_its_waypoints_again_and_a_door_closes(start, tmp_path):
+def test_a_robot_whose_computer_is_killed_gets_its_waypoints_again_and_a_door_closes(
+    start, tmp_path
+):
     scenario = tmp_path / "outage.yaml"
     scenario.write_text(
         "world: small_world\n"
@@ -28,7 +30,11 @@ def test_a_robot_whose_computer_is_killed_gets_its_waypoints_again_and_a_door_cl
     run = start(scenario, command="run-scenario")
     assert run.process.wait(WHOLE) == 0, run.text()
     assert run.processes() == {}
-    for line in ("the computer of pioneer1 is killed", "over: the hub is killed", "over: a door at (0, 0) is closed"):
+    for line in (
+        "the computer of pioneer1 is killed",
+        "over: the hub is killed",
+        "over: a door at (0, 0) is closed",
+    ):
         assert line in run.text()
     numbers = json.loads((run.report / "report.json").read_text())
     assert numbers["robots"]["pioneer1"]["reached"] == 1

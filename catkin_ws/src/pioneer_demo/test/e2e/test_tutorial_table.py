@@ -22,8 +22,14 @@ HUB_MASTER, GATEWAY_MASTER, *ROBOTS = 11311, 11312, 11313, 11314
 def rows() -> dict[str, str]:
     """Returns the command line of each terminal in the table, by the terminal's name."""
     table = TUTORIAL[TUTORIAL.index("| terminal | `export` |") :].partition("\n\n")[0]
-    cells = [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in table.splitlines()[2:]]
-    return {name: "; ".join([f"export {given}"] * bool(given) + [command]) for name, given, _, command in cells}
+    cells = [
+        [cell.strip().strip("`") for cell in line.strip("|").split("|")]
+        for line in table.splitlines()[2:]
+    ]
+    return {
+        name: "; ".join([f"export {given}"] * bool(given) + [command])
+        for name, given, _, command in cells
+    }
 
 
 class Terminals:
@@ -34,7 +40,9 @@ class Terminals:
         wanted = (HUB_MASTER, GATEWAY_MASTER, *ROBOTS)
         self.port = {port: self.ports.take(port + 10000) for port in wanted}
         hub, name = self.ports.take(16380), f"Pioneer Hub {os.getpid()}"
-        self._only_ours = f"gateway_hub_uri:=http://127.0.0.1:{hub} gateway_hub_whitelist:=\"['{name}']\""
+        self._only_ours = (
+            f"gateway_hub_uri:=http://127.0.0.1:{hub} gateway_hub_whitelist:=\"['{name}']\""
+        )
         self._our_hub = (
             f"hub_name:='{name}' hub_port:={hub} hub_master_port:={self.port[HUB_MASTER]} "
             f"gateway_master_port:={self.port[GATEWAY_MASTER]}"
@@ -43,11 +51,19 @@ class Terminals:
     def type(self, name: str, line: str) -> None:
         line = line.replace("run-pioneer-hub", f"run-pioneer-hub {self._our_hub}")
         line = line.replace("pioneer_gateway.launch", f"pioneer_gateway.launch {self._only_ours}")
-        line = re.sub(r"localhost:(\d+)", lambda found: f"localhost:{self.port[int(found[1])]}", line)
-        environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "ROS_MASTER_URI")}
+        line = re.sub(
+            r"localhost:(\d+)", lambda found: f"localhost:{self.port[int(found[1])]}", line
+        )
+        environment = {
+            key: value
+            for key, value in os.environ.items()
+            if key not in ("DISPLAY", "ROS_MASTER_URI")
+        }
         home = {"ROS_IP": "127.0.0.1", "ROS_HOME": str(self.folder / "home")}
         argv = ["bash", "-c", f"{SOURCE}; {line}"]
-        self.group.start(name, argv, environment | home, self.log(name), may_end=name.endswith("RViz"))
+        self.group.start(
+            name, argv, environment | home, self.log(name), may_end=name.endswith("RViz")
+        )
 
     def log(self, name: str) -> Path:
         return self.folder / f"{name.replace(' ', '-')}.log"
@@ -68,7 +84,9 @@ def terminals(tmp_path: Path) -> Iterator[Terminals]:
     made.ports.release()
 
 
-def test_the_table_of_terminals_starts_a_fleet_of_two_that_takes_waypoints(terminals: Terminals) -> None:
+def test_the_table_of_terminals_starts_a_fleet_of_two_that_takes_waypoints(
+    terminals: Terminals,
+) -> None:
     typed = rows()
     assert len(typed) == 7
     for name, line in typed.items():
@@ -84,12 +102,23 @@ def test_the_table_of_terminals_starts_a_fleet_of_two_that_takes_waypoints(termi
 
     (goal,) = re.findall(r"^    (rostopic pub -1 /pioneer1/map_goal .*)$", TUTORIAL, re.M)
     master = f"export ROS_IP=127.0.0.1 ROS_MASTER_URI=http://localhost:{terminals.port[ROBOTS[0]]}"
-    subprocess.run(["bash", "-c", f"{SOURCE}; {master}; {goal}"], check=True, timeout=COMMAND, capture_output=True)
+    subprocess.run(
+        ["bash", "-c", f"{SOURCE}; {master}; {goal}"],
+        check=True,
+        timeout=COMMAND,
+        capture_output=True,
+    )
     terminals.await_line("robot 1, navigation", "driving to waypoint 1 (1.00, 1.00, 90 deg)")
-    look = ["bash", "-c", f"{SOURCE}; {master}; rostopic echo -n 1 /pioneer1/odom/twist/twist/linear/x"]
+    look = [
+        "bash",
+        "-c",
+        f"{SOURCE}; {master}; rostopic echo -n 1 /pioneer1/odom/twist/twist/linear/x",
+    ]
 
     def speed() -> float:
-        said = subprocess.run(look, text=True, timeout=COMMAND, check=True, capture_output=True).stdout
+        said = subprocess.run(
+            look, text=True, timeout=COMMAND, check=True, capture_output=True
+        ).stdout
         return float(said.splitlines()[0])
 
     wait_until(lambda: speed() > 0.2, "the robot under way", DRIVE)

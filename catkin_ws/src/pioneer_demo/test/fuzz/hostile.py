@@ -24,8 +24,20 @@ NOT_FINITE = (float("nan"), float("inf"), float("-inf"))
 HUGE = {"float32": (3e38, -3e38), "float64": (1e308, -1e308, 1e200)}
 FAR_AHEAD = (2_000_000_000, 2**32 - 1)
 """Stamps in the far future [s]."""
-SIZES = {"int8": (1, True), "uint8": (1, False), "byte": (1, True), "char": (1, False), "int16": (2, True)}
-SIZES |= {"uint16": (2, False), "int32": (4, True), "uint32": (4, False), "int64": (8, True), "uint64": (8, False)}
+SIZES = {
+    "int8": (1, True),
+    "uint8": (1, False),
+    "byte": (1, True),
+    "char": (1, False),
+    "int16": (2, True),
+}
+SIZES |= {
+    "uint16": (2, False),
+    "int32": (4, True),
+    "uint32": (4, False),
+    "int64": (8, True),
+    "uint64": (8, False),
+}
 
 
 class Poison:
@@ -63,7 +75,11 @@ class Poison:
             return rng.random() < 0.5
         if kind in SIZES:
             size, signed = SIZES[kind]
-            least, most = (-(2 ** (8 * size - 1)), 2 ** (8 * size - 1) - 1) if signed else (0, 2 ** (8 * size) - 1)
+            least, most = (
+                (-(2 ** (8 * size - 1)), 2 ** (8 * size - 1) - 1)
+                if signed
+                else (0, 2 ** (8 * size) - 1)
+            )
             return rng.choice((least, most, 0, 1, rng.randint(least, most)))
         if kind == "string":
             return rng.choice(self._names if rng.random() < 0.6 else ODD)
@@ -71,7 +87,9 @@ class Poison:
             return genpy.Time(rng.choice((0, *FAR_AHEAD)), rng.choice((0, 999_999_999)))
         if kind == "duration":
             return genpy.Duration(rng.choice((-(2**31), 2**31 - 1)), rng.choice((0, 999_999_999)))
-        return self.fill(roslib.message.get_message_class("std_msgs/Header" if kind == "Header" else kind)())
+        return self.fill(
+            roslib.message.get_message_class("std_msgs/Header" if kind == "Header" else kind)()
+        )
 
 
 def foreign(rng: random.Random, message: genpy.Message) -> genpy.Message:
@@ -129,11 +147,26 @@ def junk(rng: random.Random, depth: int = 3) -> Any:
     if kind == 7:
         return {str(rng.randrange(9)): junk(rng, depth - 1) for _ in range(rng.randrange(3))}
     texts = [text for text in ODD if text.isprintable()]
-    return (rng.randint(-(2**31), 2**31 - 1), rng.uniform(-9, 9), True, rng.choice(texts), rng.randbytes(9), "/f")[kind]
+    return (
+        rng.randint(-(2**31), 2**31 - 1),
+        rng.uniform(-9, 9),
+        True,
+        rng.choice(texts),
+        rng.randbytes(9),
+        "/f",
+    )[kind]
 
 
 METHODS = (
-    *("requestTopic", "publisherUpdate", "paramUpdate", "getBusStats", "getBusInfo", "getMasterUri", "getPid"),
+    *(
+        "requestTopic",
+        "publisherUpdate",
+        "paramUpdate",
+        "getBusStats",
+        "getBusInfo",
+        "getMasterUri",
+        "getPid",
+    ),
     *(
         "getSubscriptions",
         "getPublications",
@@ -151,7 +184,9 @@ METHODS = (
 def request(rng: random.Random) -> bytes:
     """Returns hostile input for an XML-RPC server: calls with odd arguments, broken documents and broken HTTP."""
     method = rng.choice(METHODS)
-    body = xmlrpc.client.dumps(("/fuzz", *(junk(rng) for _ in range(rng.randrange(4)))), method).encode()
+    body = xmlrpc.client.dumps(
+        ("/fuzz", *(junk(rng) for _ in range(rng.randrange(4)))), method
+    ).encode()
     fault = rng.randrange(8)
     if fault == 0:
         body = body[: rng.randrange(len(body))]
@@ -160,7 +195,11 @@ def request(rng: random.Random) -> bytes:
     elif fault == 2:
         place = rng.randrange(len(body))
         body = body[:place] + rng.randbytes(4) + body[place:]
-    length = rng.choice((b"-1", b"x", b"99999999999", b"0", b"1 2")) if fault == 3 else str(len(body)).encode()
+    length = (
+        rng.choice((b"-1", b"x", b"99999999999", b"0", b"1 2"))
+        if fault == 3
+        else str(len(body)).encode()
+    )
     if fault == 4:
         return rng.randbytes(rng.randrange(300))
     head = b"POST /RPC2 HTTP/1.%d\r\nHost: x\r\nContent-Type: text/xml\r\n" % rng.randrange(3)
@@ -171,11 +210,32 @@ def request(rng: random.Random) -> bytes:
 
 def hello(rng: random.Random) -> bytes:
     """Returns hostile input for a relay or a node's TCPROS port: headers with odd fields, or no header at all."""
-    keys = ("relay", "topic", "service", "call", "parameter", "type", "md5sum", "callerid", "persistent")
-    keys += ("source_node", "source_gateway", "sink_gateway", "nonce", "proof", "gateways_passed", "rate", "tf_frames")
+    keys = (
+        "relay",
+        "topic",
+        "service",
+        "call",
+        "parameter",
+        "type",
+        "md5sum",
+        "callerid",
+        "persistent",
+    )
+    keys += (
+        "source_node",
+        "source_gateway",
+        "sink_gateway",
+        "nonce",
+        "proof",
+        "gateways_passed",
+        "rate",
+        "tf_frames",
+    )
     body = b""
     for key in rng.sample(keys, rng.randrange(len(keys))):
-        field = key.encode() + b"=" + rng.choice((*ODD[:12], "1", "2", "*", "/tf", "/ghost")).encode()
+        field = (
+            key.encode() + b"=" + rng.choice((*ODD[:12], "1", "2", "*", "/tf", "/ghost")).encode()
+        )
         body += struct.pack("<I", len(field)) + field
     fault = rng.randrange(5)
     if fault == 0:
@@ -190,7 +250,9 @@ def hello(rng: random.Random) -> bytes:
 def proof(rng: random.Random) -> bytes:
     """Returns what an unauthenticated client may send to a hub: parts of the proof, Redis commands, or garbage."""
     session = rng.randbytes(rng.choice((16, 16, 0, 15, 200))).hex().encode()
-    share = rng.choice((bytes(32), b"\xff" * 32, rng.randbytes(32), rng.randbytes(31), (1).to_bytes(32, "little")))
+    share = rng.choice(
+        (bytes(32), b"\xff" * 32, rng.randbytes(32), rng.randbytes(31), (1).to_bytes(32, "little"))
+    )
     tag = rng.randbytes(rng.choice((64, 64, 0, 3)))
     lines = (
         b"ROCON-PROVE 1 " + session,
@@ -206,14 +268,38 @@ def proof(rng: random.Random) -> bytes:
 
 
 COMMANDS = (
-    *("EVAL while(true)do(end) 0", "CLIENT PAUSE 100000", "ACL SETUSER default", "SYNC", "FLUSHALL", "CONFIG SET a b"),
-    *("SHUTDOWN", "DEBUG SLEEP 9", "KEYS *", "MONITOR", "SCRIPT KILL", "SET rocon:hub:salt x", "DEL rocon:hub:name"),
+    *(
+        "EVAL while(true)do(end) 0",
+        "CLIENT PAUSE 100000",
+        "ACL SETUSER default",
+        "SYNC",
+        "FLUSHALL",
+        "CONFIG SET a b",
+    ),
+    *(
+        "SHUTDOWN",
+        "DEBUG SLEEP 9",
+        "KEYS *",
+        "MONITOR",
+        "SCRIPT KILL",
+        "SET rocon:hub:salt x",
+        "DEL rocon:hub:name",
+    ),
     *(
         "PUBLISH rocon:gateways [[[",
         "PUBLISH rocon:gateways {}",
         "SET rocon:gateway:ghost {",
         "SADD rocon:gateways ghost",
     ),
-    *("HSET rocon:requests:ghost a [", "SET rocon:alive:ghost x", "SELECT 3", "RESET", "PING", "INFO", "MULTI", "EXEC"),
+    *(
+        "HSET rocon:requests:ghost a [",
+        "SET rocon:alive:ghost x",
+        "SELECT 3",
+        "RESET",
+        "PING",
+        "INFO",
+        "MULTI",
+        "EXEC",
+    ),
 )
 """Input from a member of the fleet: forbidden commands, and nonsense in keys that it may write."""

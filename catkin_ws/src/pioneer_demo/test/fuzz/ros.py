@@ -25,7 +25,15 @@ NODES = ("amcl", "move_base", "map_goal_client", "pioneer_ros", "controller_spin
 """Nodes whose topics and services are fuzzed."""
 OBEYED = ("/clock", "/status", "/map_goal_client/cancel")
 """Suffixes of topics that are not fuzzed: ROS 1 does not authenticate senders, so nodes must obey fake messages."""
-ORDERS = ("pause_physics", "unpause_physics", "reset_world", "reset_simulation", "step", "global_localization", "clear")
+ORDERS = (
+    "pause_physics",
+    "unpause_physics",
+    "reset_world",
+    "reset_simulation",
+    "step",
+    "global_localization",
+    "clear",
+)
 ORDERS += ("patrol", "set_logger_level", "clear_costmaps", "set_watcher_period")
 """Services that are not called, because they act whatever the request contains."""
 ROBOT_LINKS = ("", "::base_link", "::left_wheel", "::ghost")
@@ -47,7 +55,9 @@ class Fuzzer:
     def __init__(self, seed: int, robots: list[str]) -> None:
         self.rng, self.counts = random.Random(seed), Counter[str]()
         links = tuple(f"{robot}{link}" for robot in robots for link in ROBOT_LINKS)
-        frames = tuple(f"{robot}/{frame}" for robot in robots for frame in ("odom", "base_link", "laser"))
+        frames = tuple(
+            f"{robot}/{frame}" for robot in robots for frame in ("odom", "base_link", "laser")
+        )
         self.poison = hostile.Poison(self.rng, (*links, *frames, "map", "world", "fuzz0"))
         self.drive_poison = hostile.Poison(self.rng, ("ghost",), huge=False)
         master = rospy.get_master()
@@ -58,7 +68,11 @@ class Fuzzer:
             if not topic.endswith(OBEYED) and any(node.endswith(NODES) for node in nodes):
                 self._add_topic(topic, types[topic])
         for name, (node, *_) in services:
-            if node.endswith(NODES) and name.rpartition("/")[2] not in ORDERS and "logger" not in name:
+            if (
+                node.endswith(NODES)
+                and name.rpartition("/")[2] not in ORDERS
+                and "logger" not in name
+            ):
                 self._add_service(name)
 
     def turn(self) -> None:
@@ -73,7 +87,11 @@ class Fuzzer:
         self.actions.append(partial(self._publish, topic, publisher, kind, raw))
 
     def _publish(self, topic: str, publisher: rospy.Publisher, kind: Any, raw: Any) -> None:
-        target = "simulator topics" if "gazebo" in topic or "pioneer/cmd_vel" in topic else "navigation topics"
+        target = (
+            "simulator topics"
+            if "gazebo" in topic or "pioneer/cmd_vel" in topic
+            else "navigation topics"
+        )
         publisher.publish(raw(self._bytes(self._message(kind))))
         self.counts[target] += 1
 
@@ -126,7 +144,9 @@ class Fuzzer:
             number = self.rng.choice(("nan", "-1", "1e308", "0", "", "x", "1e-300", "1"))
             body = self.rng.choice(BODIES).format(self.rng.choice(("nan", "1", number)))
             text = MODEL.format(number, body)
-            message.model_xml = text[: self.rng.choice((len(text), len(text), self.rng.randrange(len(text))))]
+            message.model_xml = text[
+                : self.rng.choice((len(text), len(text), self.rng.randrange(len(text))))
+            ]
             message.model_name = self.rng.choice(("fuzz0", "fuzz1", *hostile.ODD))
             if self.rng.random() < 0.5:
                 message.initial_pose = type(message.initial_pose)()

@@ -19,7 +19,12 @@ import hostile
 from rocon_hub_protocol.password import password_from
 from rocon_hub_protocol.redis_client import NotOurHubError, prove
 
-SPEECH = {"relay": hostile.hello, "hub": hostile.proof, "slave": hostile.request, "tcpros": hostile.hello}
+SPEECH = {
+    "relay": hostile.hello,
+    "hub": hostile.proof,
+    "slave": hostile.request,
+    "tcpros": hostile.hello,
+}
 LEFT_OPEN = 30
 """Number of connections that are kept open after an incomplete message."""
 PATIENCE = 2.0

@@ -36,7 +36,9 @@ def test_every_gateway_gets_this_demos_hub_and_looks_for_no_other():
 
 
 def test_the_simulator_gets_world_robots_speed_and_seed():
-    words = started(DemoConfig(robots=2, world="utm_0", seed=9, real_time_factor=0.0))["simulator"].argv
+    words = started(DemoConfig(robots=2, world="utm_0", seed=9, real_time_factor=0.0))[
+        "simulator"
+    ].argv
     assert {"world_name:=utm_0", "robots:=2", "real_time_factor:=0", "seed:=9"} <= set(words)
 
 
@@ -57,9 +59,9 @@ def test_the_tutorials_ports_are_known_as_such():
 
 def test_the_page_runs_on_the_base_station_and_its_secret_in_no_command_line():
     assert "fleet page" not in started()
-    page = started(DemoConfig(web=True, token="secret-of-the-page"), dataclasses.replace(TUTORIAL, page=9090))[
-        "fleet page"
-    ]
+    page = started(
+        DemoConfig(web=True, token="secret-of-the-page"), dataclasses.replace(TUTORIAL, page=9090)
+    )["fleet page"]
     assert page.environment["ROS_MASTER_URI"] == "http://127.0.0.1:11312"
     assert page.environment["PIONEER_WEB_TOKEN"] == "secret-of-the-page"
     assert "_port:=9090" in page.argv

@@ -25,7 +25,9 @@ def fleet():
 
 def report(robot, **counts):
     fields = {"reached": 0, "aborted": 0, "text": "", **counts}
-    robot.add_queue(Queue(ClientState.DRIVING, 1, fields["reached"], fields["aborted"], fields["text"]))
+    robot.add_queue(
+        Queue(ClientState.DRIVING, 1, fields["reached"], fields["aborted"], fields["text"])
+    )
 
 
 def test_a_fleet_that_reached_everything_without_collision_has_no_fault(fleet):
@@ -40,7 +42,10 @@ def test_missed_waypoints_and_collisions_are_faults(fleet):
     report(fleet.robots[1], aborted=1)
     fleet.robots[0].collisions = 2
     assert fleet.finished
-    assert faults(fleet, Success()) == ["pioneer1 collided twice", "pioneer2 reached 0 of 1 waypoints"]
+    assert faults(fleet, Success()) == [
+        "pioneer1 collided twice",
+        "pioneer2 reached 0 of 1 waypoints",
+    ]
 
 
 def test_who_is_stuck_is_named_with_what_it_says(fleet):
@@ -49,7 +54,10 @@ def test_who_is_stuck_is_named_with_what_it_says(fleet):
     fleet.robots[1].status = "move_base: rotating to clear"
     text = stuck_report(fleet, 90.0)
     assert "pioneer1" not in text
-    assert "pioneer2 at (0.00, 0.00), waypoint 1/1: sent waypoint 1; move_base: rotating to clear" in text
+    assert (
+        "pioneer2 at (0.00, 0.00), waypoint 1/1: sent waypoint 1; move_base: rotating to clear"
+        in text
+    )
 
 
 def test_the_time_limit_grows_with_the_way(fleet):
@@ -90,7 +98,9 @@ def test_a_scenario_may_ask_for_more_or_less_than_a_demo(fleet):
     fleet.note_distance(fleet.robots[1])
     assert fleet.closest == pytest.approx(0.5)
     assert faults(fleet, Success(reached=0.0)) == []
-    told = faults(fleet, Success(reached=0.0, seconds=30.0, closest_approach=0.6, localisation_error=0.1))
+    told = faults(
+        fleet, Success(reached=0.0, seconds=30.0, closest_approach=0.6, localisation_error=0.1)
+    )
     assert "it took 40.0 s, above 30 s" in told
     assert "two robots came within 0.50 m, below 0.6 m" in told
     assert "pioneer1: localisation error of nan m (95th percentile), above 0.1 m" in told
@@ -106,6 +116,8 @@ def test_a_scenario_may_ask_for_more_or_less_than_a_demo(fleet):
         (NavigationState.FAILED, True),
     ],
 )
-def test_a_robot_that_does_not_get_on_is_shown_with_move_base_s_reason(state: int, shown: bool) -> None:
+def test_a_robot_that_does_not_get_on_is_shown_with_move_base_s_reason(
+    state: int, shown: bool
+) -> None:
     message = NavigationState(state=state, text="the reason")
     assert trouble_from_state(message) == ("the reason" if shown else "")

@@ -25,7 +25,9 @@ def test_cells_and_positions_agree():
 
 
 def test_clearance_is_the_distance_to_what_is_not_free():
-    clearance = floor_from(["#####", "#...#", "#...#", "#...#", "#####"], resolution=0.1).clearance()
+    clearance = floor_from(
+        ["#####", "#...#", "#...#", "#...#", "#####"], resolution=0.1
+    ).clearance()
     assert clearance[2, 2] == pytest.approx(0.2)
     assert clearance[0, 0] == 0.0
 

@@ -8,12 +8,21 @@ from pioneer_demo.core.kind import kind
 @pytest.mark.parametrize(
     ("line", "name"),
     [
-        ("/venv/bin/python3 /ws/devel/lib/nav_bundle/amcl scan:=base_scan __name:=amcl __log:=/l", "amcl"),
+        (
+            "/venv/bin/python3 /ws/devel/lib/nav_bundle/amcl scan:=base_scan __name:=amcl __log:=/l",
+            "amcl",
+        ),
         ("/venv/bin/python3 /ws/devel/lib/nav_bundle/move_base __name:=move_base", "move_base"),
         ("/usr/bin/python3 /usr/bin/rosmaster --core -p 11311", "masters"),
-        ("/usr/bin/python3 /usr/bin/roslaunch -p 11311 pioneer_networking pioneer_hub.launch", "roslaunch"),
+        (
+            "/usr/bin/python3 /usr/bin/roslaunch -p 11311 pioneer_networking pioneer_hub.launch",
+            "roslaunch",
+        ),
         ("/usr/lib/rosout/rosout __name:=rosout", "masters"),
-        ("python3 /ws/devel/lib/pioneer_gazebo/run-pioneer-nav-local robot_name:=pioneer1", "roslaunch"),
+        (
+            "python3 /ws/devel/lib/pioneer_gazebo/run-pioneer-nav-local robot_name:=pioneer1",
+            "roslaunch",
+        ),
         ("python3 /ws/devel/lib/rocon_gateway/gateway __name:=gateway", "gateways"),
         ("/usr/bin/bash /usr/bin/rosrun rocon_flip pull-from-hub", "start-up commands"),
         ("python3 /ws/devel/lib/rocon_flip/flip-from-hub 2", "start-up commands"),

@@ -15,7 +15,10 @@ def test_a_killed_node_is_found_with_its_status_and_log():
 
 
 def test_nodes_that_finish_cleanly_are_no_deaths():
-    assert node_deaths("[spawn_pioneer1-3] process has finished cleanly\nlog file: /log/spawn*.log\n") == []
+    assert (
+        node_deaths("[spawn_pioneer1-3] process has finished cleanly\nlog file: /log/spawn*.log\n")
+        == []
+    )
 
 
 def test_a_death_without_log_or_status_is_still_one():
@@ -32,6 +35,9 @@ def test_several_deaths_come_in_order():
 
 
 def test_a_node_that_is_started_again_is_found():
-    text = KILLED + "[pioneer1/move_base-4] restarting process\nprocess[pioneer1/move_base-4]: started with pid [7]\n"
+    text = (
+        KILLED
+        + "[pioneer1/move_base-4] restarting process\nprocess[pioneer1/move_base-4]: started with pid [7]\n"
+    )
     assert restarted_nodes(text) == ["pioneer1/move_base"]
     assert restarted_nodes(KILLED) == []

@@ -7,7 +7,14 @@ import yaml
 
 from pioneer_demo.adapters.world_folder import map_names, place_count, places_by_world
 from pioneer_demo.core.error import OptionError
-from pioneer_demo.core.option import DemoConfig, FleetConfig, Machine, check_fleet, demo_config, fleet_config
+from pioneer_demo.core.option import (
+    DemoConfig,
+    FleetConfig,
+    Machine,
+    check_fleet,
+    demo_config,
+    fleet_config,
+)
 
 POSES = Path(__file__).parents[3] / "pioneer_gazebo_ros" / "pioneer_description" / "config"
 
@@ -23,7 +30,9 @@ def parsed(*arguments, processors=2):
 
 
 def test_without_arguments_two_robots_drive_in_the_closed_maze_at_real_time():
-    expected = DemoConfig(robots=2, world="closed_maze", waypoints=3, report=Path("demo-report"), processors=2)
+    expected = DemoConfig(
+        robots=2, world="closed_maze", waypoints=3, report=Path("demo-report"), processors=2
+    )
     assert parsed() == expected
     assert (expected.real_time_factor, expected.choice) == (1.0, "")
 
@@ -41,13 +50,18 @@ def test_without_arguments_two_robots_drive_in_the_closed_maze_at_real_time():
         (15, 0.1, 0.05),
     ],
 )
-def test_a_fleet_drives_as_fast_as_the_processors_carry_and_no_faster_than_real_time(robots, processors, factor):
+def test_a_fleet_drives_as_fast_as_the_processors_carry_and_no_faster_than_real_time(
+    robots, processors, factor
+):
     assert parsed("--robots", str(robots), processors=processors).real_time_factor == factor
 
 
 def test_a_chosen_factor_is_logged_and_a_requested_one_is_kept():
     chosen, asked = parsed("--robots", "15"), parsed("--robots", "15", "--rtf", "1")
-    assert chosen.choice == "Real-time factor 0.9: 2 processors sustain no more with 15 robots (--rtf R sets another)"
+    assert (
+        chosen.choice
+        == "Real-time factor 0.9: 2 processors sustain no more with 15 robots (--rtf R sets another)"
+    )
     assert (asked.real_time_factor, asked.choice) == (1.0, "")
 
 
@@ -88,10 +102,16 @@ def test_a_world_file_goes_by_the_name_of_its_map():
     [
         (["--robots", "0"], "--robots must be 1 to 15 in closed_maze, not 0"),
         (["--robots", "16"], "--robots must be 1 to 15 in closed_maze, not 16"),
-        (["--robots", "7", "--world", "small_world"], "--robots must be 1 to 6 in small_world, not 7"),
+        (
+            ["--robots", "7", "--world", "small_world"],
+            "--robots must be 1 to 6 in small_world, not 7",
+        ),
         (["--robots", "two"], "--robots: invalid int value: 'two'"),
         (["--world", "mars"], "--world must be one of closed_maze, small_world, or a .world file"),
-        (["--world", "/tmp/mars.world", "--robots", "11"], "--robots must be 1 to 10 in mars, not 11"),
+        (
+            ["--world", "/tmp/mars.world", "--robots", "11"],
+            "--robots must be 1 to 10 in mars, not 11",
+        ),
         (["--rtf", "-1"], "--rtf must be 0"),
         (["--rtf", "nan"], "--rtf must be 0"),
         (["--waypoints", "0"], "--waypoints must be 1 to 50, not 0"),
@@ -119,7 +139,9 @@ def test_a_world_has_as_many_places_as_its_own_file_of_poses_else_as_the_common_
     (tmp_path / "hall.pgm").touch()
     poses = tmp_path / "config"
     poses.mkdir()
-    (poses / "pioneer_poses.yaml").write_text("# pioneer0: none\npioneer1: {x: 1}\npioneer2: {x: 2}\n")
+    (poses / "pioneer_poses.yaml").write_text(
+        "# pioneer0: none\npioneer1: {x: 1}\npioneer2: {x: 2}\n"
+    )
     (poses / "pioneer_poses_room.yaml").write_text("pioneer1: {x: 1}\n")
     assert map_names(tmp_path) == ["hall", "room"]
     assert places_by_world(tmp_path, poses) == {"hall": 2, "room": 1}
@@ -135,8 +157,14 @@ def test_every_shipped_file_of_poses_is_counted_as_yaml_has_it():
 
 
 def test_a_fleet_file_gives_number_and_names_of_the_robots():
-    machine = Machine(PLACES, ELSEWHERE, 2, lambda path: ["pioneer1", "rover"] if path == Path("f.yaml") else [])
+    machine = Machine(
+        PLACES, ELSEWHERE, 2, lambda path: ["pioneer1", "rover"] if path == Path("f.yaml") else []
+    )
     config = fleet_config(["--fleet", "f.yaml"], machine)
-    assert (config.robots, config.names, config.fleet) == (2, ("pioneer1", "rover"), Path("f.yaml").resolve())
+    assert (config.robots, config.names, config.fleet) == (
+        2,
+        ("pioneer1", "rover"),
+        Path("f.yaml").resolve(),
+    )
     with pytest.raises(OptionError, match="give one of them"):
         fleet_config(["--fleet", "f.yaml", "--robots", "2"], machine)

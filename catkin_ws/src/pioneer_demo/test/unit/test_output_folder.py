@@ -30,7 +30,9 @@ def test_a_folder_in_use_names_the_process_that_uses_it(tmp_path: Path) -> None:
     with subprocess.Popen(argv, env=environment, stdin=-1, stdout=-1, text=True) as other:
         assert other.stdout is not None
         assert other.stdout.readline() == "locked\n"
-        with pytest.raises(FolderInUseError, match=f"is in use by process {other.pid}: wait for its end"):
+        with pytest.raises(
+            FolderInUseError, match=f"is in use by process {other.pid}: wait for its end"
+        ):
             FolderLock(tmp_path)
         other.kill()
         other.wait()
@@ -59,7 +61,9 @@ def test_a_second_fleet_in_a_folder_gets_its_own_logs(
     assert str(config.log) == "fleet-log"
 
 
-def test_a_second_run_of_a_scenario_reads_its_own_fleet_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_second_run_of_a_scenario_reads_its_own_fleet_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     entries = (RobotEntry(name="a"),)
     configs = []
@@ -78,7 +82,10 @@ def test_a_second_run_of_a_scenario_reads_its_own_fleet_file(tmp_path: Path, mon
 
 def test_a_given_folder_in_use_is_refused(tmp_path: Path) -> None:
     config = FleetConfig(log=tmp_path / "logs")
-    with FolderLock(config.log), pytest.raises(OptionError, match=r"--log: .*logs is in use by process"):
+    with (
+        FolderLock(config.log),
+        pytest.raises(OptionError, match=r"--log: .*logs is in use by process"),
+    ):
         _made_output(config)
 
 
@@ -86,6 +93,8 @@ def test_a_recording_replaces_a_file_only_when_told_to(tmp_path: Path) -> None:
     config = FleetConfig(record=tmp_path / "run.mcap")
     _check_files(config)
     (tmp_path / "run.mcap").touch()
-    with pytest.raises(OptionError, match=r"--record: there is a file .*run\.mcap; --force replaces it"):
+    with pytest.raises(
+        OptionError, match=r"--record: there is a file .*run\.mcap; --force replaces it"
+    ):
         _check_files(config)
     _check_files(dataclasses.replace(config, force=True))

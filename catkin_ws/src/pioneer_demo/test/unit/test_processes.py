@@ -23,7 +23,9 @@ def fleet(folder: Path, config: FleetConfig, **logs: str) -> FleetProcesses:
     return made
 
 
-def test_a_node_that_is_started_again_is_one_line_in_a_fleet_and_the_end_of_a_demo(tmp_path: Path) -> None:
+def test_a_node_that_is_started_again_is_one_line_in_a_fleet_and_the_end_of_a_demo(
+    tmp_path: Path,
+) -> None:
     text = DIED.format("pioneer1/amcl", "amcl") + AGAIN.format("pioneer1/amcl")
     with fleet(tmp_path, FleetConfig(), one=text) as running:
         assert running.check() == ["pioneer1/amcl has died and is started again"]
@@ -47,20 +49,31 @@ def test_a_node_that_stays_dead_ends_a_fleet_whatever_another_masters_node_of_it
             running.check()
 
 
-def test_a_node_that_keeps_dying_is_named_once_with_its_last_lines_and_the_fleet_continues(tmp_path: Path) -> None:
+def test_a_node_that_keeps_dying_is_named_once_with_its_last_lines_and_the_fleet_continues(
+    tmp_path: Path,
+) -> None:
     node_log = tmp_path / "amcl.log"
     node_log.write_text("[rosout][FATAL]: ~odom_model_type must be diff or omni\nsignal_shutdown\n")
-    text = DIED.format("pioneer1/amcl", "amcl") + f"log file: {node_log}\n" + AGAIN.format("pioneer1/amcl")
+    text = (
+        DIED.format("pioneer1/amcl", "amcl")
+        + f"log file: {node_log}\n"
+        + AGAIN.format("pioneer1/amcl")
+    )
     with fleet(tmp_path, FleetConfig(), one=2 * text) as running:
         assert running.check() == 2 * ["pioneer1/amcl has died and is started again"]
         for count in (3, 4):
             with (tmp_path / "one").open("a") as log:
                 log.write(text)
             lines = running.check()
-            assert [line.partition(";")[0] for line in lines] == ["pioneer1/amcl keeps dying"][count - 3 :]
+            assert [line.partition(";")[0] for line in lines] == ["pioneer1/amcl keeps dying"][
+                count - 3 :
+            ]
             assert all("~odom_model_type must be" in line for line in lines)
             (fault,) = running.faults()
-            assert f"{count} times so far, exit code -9: [rosout][FATAL]: ~odom_model_type must be" in fault
+            assert (
+                f"{count} times so far, exit code -9: [rosout][FATAL]: ~odom_model_type must be"
+                in fault
+            )
 
 
 def test_a_node_that_keeps_dying_ends_a_fleet_that_is_still_starting(tmp_path: Path) -> None:

@@ -7,9 +7,16 @@ WHO = "pioneer1/amcl"
 
 def test_three_deaths_in_a_minute_are_a_fault_with_the_last_reason() -> None:
     relapses = Relapses()
-    assert [relapses.died(1, WHO, f"exit code {n}", 10.0 * n) for n in range(4)] == [False, False, True, False]
+    assert [relapses.died(1, WHO, f"exit code {n}", 10.0 * n) for n in range(4)] == [
+        False,
+        False,
+        True,
+        False,
+    ]
     assert relapses.fails(1)
-    assert relapses.faults() == [f"{WHO} keeps dying and is started again: 4 times so far, exit code 3"]
+    assert relapses.faults() == [
+        f"{WHO} keeps dying and is started again: 4 times so far, exit code 3"
+    ]
 
 
 def test_deaths_that_are_far_apart_are_no_fault() -> None:

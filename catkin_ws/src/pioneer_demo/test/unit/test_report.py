@@ -37,7 +37,9 @@ def fleet():
 
 @pytest.fixture
 def outcome():
-    return Outcome([], {"simulator ready": 5.0}, 12.5, 10.0, 30.0, {"amcl": Usage(3.0, 50_000_000, 1)})
+    return Outcome(
+        [], {"simulator ready": 5.0}, 12.5, 10.0, 30.0, {"amcl": Usage(3.0, 50_000_000, 1)}
+    )
 
 
 def test_the_numbers_say_what_happened_and_are_json(fleet, outcome):
@@ -79,7 +81,11 @@ def test_the_table_names_robots_costs_and_the_real_time_factor(fleet, outcome):
 
 def test_what_the_machine_decides_is_apart_from_what_the_run_does(fleet, outcome):
     numbers = report(fleet, outcome, {"seed": 1, "ports": "hub 6380"})
-    slower = report(fleet, dataclasses.replace(outcome, drive_wall=99.0, milestones={}), {"seed": 1, "ports": "other"})
+    slower = report(
+        fleet,
+        dataclasses.replace(outcome, drive_wall=99.0, milestones={}),
+        {"seed": 1, "ports": "other"},
+    )
     (run, machine), (again, other) = reproducible(numbers), reproducible(slower)
     assert run == again
     assert machine != other
@@ -87,7 +93,10 @@ def test_what_the_machine_decides_is_apart_from_what_the_run_does(fleet, outcome
 
 
 def test_the_verdict_is_one_line(fleet, outcome):
-    assert verdict_line(report(fleet, outcome, {})) == "Success: 1 robot, 1 waypoint reached, no collision"
+    assert (
+        verdict_line(report(fleet, outcome, {}))
+        == "Success: 1 robot, 1 waypoint reached, no collision"
+    )
     failed = Outcome(["pioneer1 collided once"], {}, math.nan, 1.0, 1.0, {})
     assert verdict_line(report(fleet, failed, {})) == "Failed: pioneer1 collided once"
 

@@ -48,12 +48,30 @@ def test_options_replace_what_the_file_says() -> None:
         ("robots: many", ":1: robots must be int"),
         ("robots: []", ":1: there must be 1 robot"),
         ("robots: [{name: a}, {name: a}]", ":1: two robots are called a"),
-        ("seed: 1\nfaults:\n  - {at: 3}", ":3: a fault has one of kill, freeze, blind, move, door and link, not none"),
-        ("seed: 1\nfaults:\n  - {link: pioneer1, lasts: 3}", ":3: 'link' needs one or more of loss, delay and rate"),
-        ("faults:\n  - {kill: hub, lasts: 3, loss: 0.1}", ":2: 'link' needs one or more of loss, delay and rate"),
-        ("faults:\n  - link: pioneer1\n    lasts: 3\n    loss: 5", ":4: loss must be 0 to 1, not 5"),
-        ("faults:\n  - {link: pionee2, lasts: 3, rate: 1000}", ":2: unknown robot 'pionee2'; did you mean pioneer2?"),
-        ("faults:\n  - at: 1\n    kill: pionee1\n    lasts: 3", ":2: unknown robot 'pionee1'; did you mean pioneer1?"),
+        (
+            "seed: 1\nfaults:\n  - {at: 3}",
+            ":3: a fault has one of kill, freeze, blind, move, door and link, not none",
+        ),
+        (
+            "seed: 1\nfaults:\n  - {link: pioneer1, lasts: 3}",
+            ":3: 'link' needs one or more of loss, delay and rate",
+        ),
+        (
+            "faults:\n  - {kill: hub, lasts: 3, loss: 0.1}",
+            ":2: 'link' needs one or more of loss, delay and rate",
+        ),
+        (
+            "faults:\n  - link: pioneer1\n    lasts: 3\n    loss: 5",
+            ":4: loss must be 0 to 1, not 5",
+        ),
+        (
+            "faults:\n  - {link: pionee2, lasts: 3, rate: 1000}",
+            ":2: unknown robot 'pionee2'; did you mean pioneer2?",
+        ),
+        (
+            "faults:\n  - at: 1\n    kill: pionee1\n    lasts: 3",
+            ":2: unknown robot 'pionee1'; did you mean pioneer1?",
+        ),
         ("faults: [{kill: base station, lasts: 3}]", "unknown robot 'base station'"),
         ("faults:\n  - blind: pioneer1\n    lasts: 0.0", ":3: lasts must be above 0 s"),
         (
@@ -71,7 +89,9 @@ def test_options_replace_what_the_file_says() -> None:
         ("world: none.world", "there is no file"),
     ],
 )
-def test_a_wrong_scenario_is_named_with_file_line_and_reason(tmp_path: Path, text: str, told: str) -> None:
+def test_a_wrong_scenario_is_named_with_file_line_and_reason(
+    tmp_path: Path, text: str, told: str
+) -> None:
     path = tmp_path / "s.yaml"
     path.write_text(text)
     with pytest.raises(OptionError) as error:
@@ -99,11 +119,16 @@ def test_robots_parameters_and_programs_become_files_and_commands(tmp_path: Path
     assert files["simulator_parameters.yaml"] == {"/gazebo/odometry_error": 0.02}
     started = {one.name: one for one in commands(said, Ports(1, 2, 3, (4,)))}
     assert started["program 1 of pioneer1"].argv[-4:] == ("rosrun", "p", "n", "__ns:=pioneer1")
-    assert f"parameters:={tmp_path}/out/log/robot_parameters.yaml" in started["navigation of pioneer1"].argv
+    assert (
+        f"parameters:={tmp_path}/out/log/robot_parameters.yaml"
+        in started["navigation of pioneer1"].argv
+    )
     assert set(on_computer(said, "pioneer1")) < set(started)
 
 
-def test_a_robot_whose_link_has_faults_has_a_network_of_its_own_in_wall_time(tmp_path: Path) -> None:
+def test_a_robot_whose_link_has_faults_has_a_network_of_its_own_in_wall_time(
+    tmp_path: Path,
+) -> None:
     assert config("lossy_network").linked == ("pioneer2",)
     with pytest.raises(OptionError, match="--lockstep: lossy_network has faults of links"):
         config("lossy_network", "--lockstep")

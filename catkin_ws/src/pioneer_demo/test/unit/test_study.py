@@ -9,7 +9,13 @@ import pytest
 from scipy import stats
 
 from pioneer_demo.adapters.scenario_file import scenario_folder, scenario_of
-from pioneer_demo.core.comparison import frame_of, median_interval, rate, rate_difference, summary_of
+from pioneer_demo.core.comparison import (
+    frame_of,
+    median_interval,
+    rate,
+    rate_difference,
+    summary_of,
+)
 from pioneer_demo.core.error import OptionError
 from pioneer_demo.core.option import Machine
 from pioneer_demo.core.study import Run, Study, merged, row_of, time_left
@@ -21,7 +27,9 @@ def test_the_shipped_study_changes_the_local_planner():
     study = read_document(Study, scenario_folder() / "study" / "head_on_planners.yaml")
     path = scenario_folder() / "study" / study.scenario
     content, lines = read_content(path)
-    plain, dwa = (scenario_of(merged(content, change), path, lines) for change in study.variants.values())
+    plain, dwa = (
+        scenario_of(merged(content, change), path, lines) for change in study.variants.values()
+    )
     assert (plain.navigation, plain.parameters) == ("", {})
     assert dwa.navigation.endswith("dwa_local_planner_params.yaml")
     assert dwa.parameters["move_base/base_local_planner"] == "dwa_local_planner/DWAPlannerROS"
@@ -51,7 +59,10 @@ def test_variants_of_similar_names_have_runs_of_their_own():
     variants: dict[str, dict[str, object]] = {
         name: {} for name in ["fast mode", "fast_mode", "fast-mode", "fast", "fast-1", "1"]
     }
-    names = [run.name for run in Study(scenario="s", runs=120, first_seed=0, variants=variants).all_runs()]
+    names = [
+        run.name
+        for run in Study(scenario="s", runs=120, first_seed=0, variants=variants).all_runs()
+    ]
     assert len(set(names)) == len(names)
 
 
@@ -65,31 +76,56 @@ def test_the_time_left_comes_from_the_runs_that_have_ended_with_its_spread():
 def test_a_variant_changes_inside_mappings_and_replaces_the_rest():
     content = {"world": "w", "parameters": {"a": 1, "b": 2}, "robots": [1, 2]}
     change = {"parameters": {"b": 3}, "robots": [4], "seed": 2}
-    assert merged(content, change) == {"world": "w", "parameters": {"a": 1, "b": 3}, "robots": [4], "seed": 2}
+    assert merged(content, change) == {
+        "world": "w",
+        "parameters": {"a": 1, "b": 3},
+        "robots": [4],
+        "seed": 2,
+    }
 
 
 def robot(seconds, reached=3, path=10.0, way=8.0):
     """Returns a robot's entry in a report; ``seconds`` is None if it is stuck."""
     visits = [{"shortest_way": way / 2}, {"shortest_way": way / 2}]
-    return {"waypoints": 3, "reached": reached, "seconds": seconds, "path_length": path, "visits": visits}
+    return {
+        "waypoints": 3,
+        "reached": reached,
+        "seconds": seconds,
+        "path_length": path,
+        "visits": visits,
+    }
 
 
 def test_a_row_has_what_the_report_has_and_none_for_the_rest():
     one = robot(30.0) | {"collisions": 0, "localisation_error": {"mean": 0.02}}
     other = robot(40.0, path=20.0) | {"collisions": 1, "localisation_error": {"mean": None}}
-    report = {"success": False, "robots": {"a": one, "b": other}, "faults": ["x", "y"], "drive": {"bytes": 9}}
+    report = {
+        "success": False,
+        "robots": {"a": one, "b": other},
+        "faults": ["x", "y"],
+        "drive": {"bytes": 9},
+    }
     row = row_of(Run("a", 1), report, 12.34)
     assert (row["finished"], row["success"]) == (True, False)
     assert (row["seconds"], row["path_length"], row["collisions"]) == (40.0, 15.0, 1)
     assert (row["missed"], row["bytes"], row["messages"]) == (0, 9, None)
-    assert (row["localisation_error"], row["closest_approach"], row["faults"]) == (0.02, None, "x; y")
+    assert (row["localisation_error"], row["closest_approach"], row["faults"]) == (
+        0.02,
+        None,
+        "x; y",
+    )
     assert row["spl"] == pytest.approx((8 / 10 + 8 / 20) / 2)
 
 
-@pytest.mark.parametrize("failed", [robot(None, reached=1, path=2.0), robot(5.0, reached=1, path=2.0)])
+@pytest.mark.parametrize(
+    "failed", [robot(None, reached=1, path=2.0), robot(5.0, reached=1, path=2.0)]
+)
 def test_a_run_in_which_a_robot_fails_has_no_time_and_no_path_to_win_with(failed):
     """The one robot is stuck; the other has given up its last waypoints."""
-    report = {"robots": {"a": robot(30.0), "b": failed}, "drive": {"bytes": 9, "messages": 1, "closest_approach": 0.4}}
+    report = {
+        "robots": {"a": robot(30.0), "b": failed},
+        "drive": {"bytes": 9, "messages": 1, "closest_approach": 0.4},
+    }
     row = row_of(Run("a", 1), report, 1.0)
     assert not row["finished"]
     assert [row[name] for name in ("seconds", "path_length", "messages", "bytes")] == 4 * [None]
@@ -172,7 +208,9 @@ def test_the_interval_of_a_rate_covers_it_in_95_percent_of_all_studies(count):
     for truth in np.linspace(0.005, 0.995, 100):
         chances = stats.binom.pmf(range(count + 1), count, truth)
         covered = sum(
-            chance for chance, found in zip(chances, bounds, strict=True) if found["low"] <= truth <= found["high"]
+            chance
+            for chance, found in zip(chances, bounds, strict=True)
+            if found["low"] <= truth <= found["high"]
         )
         assert covered >= 0.95
 
@@ -198,12 +236,17 @@ def test_differences_are_paired_by_seed_so_that_hard_seeds_cancel():
     for seed in range(30):
         hard = float(rng.uniform(0.0, 100.0))
         for variant, gain in (("a", 0.0), ("b", -5.0)):
-            report = {"success": True, "robots": {"r": robot(50.0 + hard + gain + float(rng.normal()))}}
+            report = {
+                "success": True,
+                "robots": {"r": robot(50.0 + hard + gain + float(rng.normal()))},
+            }
             rows.append(row_of(Run(variant, seed), report, 1.0))
     summary = summary_of(frame_of(rows, ["a", "b"]))
     gap = summary["variants"]["b"]["difference"]["seconds"]
     assert gap["low"] < -4.4 < gap["mean"] + 1.0
     assert gap["high"] < -3.5
     assert gap["count"] == 30
-    assert summary == summary_of(frame_of(rows, ["a", "b"])), "the same rows give the same intervals"
+    assert summary == summary_of(frame_of(rows, ["a", "b"])), (
+        "the same rows give the same intervals"
+    )
     assert summary["variants"]["a"]["success"]["low"] == pytest.approx(0.884, abs=1e-3)

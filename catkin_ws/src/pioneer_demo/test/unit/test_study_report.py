@@ -27,7 +27,11 @@ def page(tmp_path: Path) -> str:
                 "collisions": 0,
                 "visits": [{"shortest_way": 11.0}],
             }
-            report = {"success": not stuck, "robots": {"r": robot}, "faults": ["stuck <here>"] if stuck else []}
+            report = {
+                "success": not stuck,
+                "robots": {"r": robot},
+                "faults": ["stuck <here>"] if stuck else [],
+            }
             rows.append(row_of(Run(variant, seed), report, 1.0))
     study = Study(scenario="s", about="Which & why?", variants={"a": {}, "b": {}})
     write_report(study, rows, tmp_path, "meetings", "./pioneer experiment meetings.yaml --runs 10")

@@ -66,7 +66,9 @@ def test_a_frame_shows_robot_trail_and_scan_where_they_are(recording, robot):
     assert at(-2.0, 0.0) == paint, "the trail"
     assert at(-2.0, 1.0) == ImageColor.getrgb(colour.FREE)
     light = tuple((2 * part + 255) // 3 for part in paint)
-    assert at(3.97, 1.0) == light, "the scan, two metres ahead and one to the left of where it was taken"
+    assert at(3.97, 1.0) == light, (
+        "the scan, two metres ahead and one to the left of where it was taken"
+    )
     assert at(-4.97, 0.0) == ImageColor.getrgb(colour.WALL)
 
 
@@ -92,7 +94,9 @@ def test_the_legend_takes_as_many_lines_as_its_robots_need(recording):
     assert video._Stage(FLOOR, recording, many).height == HEIGHT + 2 * 24
 
 
-def test_ffmpeg_gets_every_frame_and_its_failure_is_one_line(recording, robot, tmp_path, monkeypatch):
+def test_ffmpeg_gets_every_frame_and_its_failure_is_one_line(
+    recording, robot, tmp_path, monkeypatch
+):
     program = tmp_path / "ffmpeg"
     program.write_text('#!/bin/sh\nfor last; do :; done\nexec cat > "$last"\n')
     program.chmod(0o755)
@@ -105,24 +109,34 @@ def test_ffmpeg_gets_every_frame_and_its_failure_is_one_line(recording, robot, t
         video.write_video(FLOOR, recording, [robot], film)
 
 
-def test_the_film_is_h264_of_every_frame_and_shows_the_robot_where_it_ends(recording, robot, tmp_path):
+def test_the_film_is_h264_of_every_frame_and_shows_the_robot_where_it_ends(
+    recording, robot, tmp_path
+):
     film = tmp_path / "run.mp4"
     frames = video.write_video(FLOOR, recording, [robot], film)
     command = ["ffprobe", "-v", "error", "-show_streams", "-of", "json", str(film)]
-    [stream] = json.loads(subprocess.run(command, capture_output=True, check=True).stdout)["streams"]
+    [stream] = json.loads(subprocess.run(command, capture_output=True, check=True).stdout)[
+        "streams"
+    ]
     assert (stream["codec_name"], stream["width"], stream["height"]) == ("h264", 960, HEIGHT)
     assert int(stream["nb_frames"]) == frames == 101
     assert float(stream["duration"]) == pytest.approx(10.1)
     command = ["ffmpeg", "-v", "error", "-i", str(film), "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
     shown = np.frombuffer(subprocess.run(command, capture_output=True, check=True).stdout, np.uint8)
-    first, last = shown.reshape(frames, HEIGHT, 960, 3)[[0, -1], round(3.0 * 96), round((2.0 + 5.0) * 96)]
+    first, last = shown.reshape(frames, HEIGHT, 960, 3)[
+        [0, -1], round(3.0 * 96), round((2.0 + 5.0) * 96)
+    ]
     assert first == pytest.approx(ImageColor.getrgb(colour.FREE), abs=12)
-    assert last == pytest.approx(ImageColor.getrgb(colour.of_robot(0)), abs=40), "but for the film's compression"
+    assert last == pytest.approx(ImageColor.getrgb(colour.of_robot(0)), abs=40), (
+        "but for the film's compression"
+    )
 
 
 def test_without_ffmpeg_one_line_says_what_to_do(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(VideoError, match="--video needs ffmpeg, which is not installed: apt install ffmpeg"):
+    with pytest.raises(
+        VideoError, match="--video needs ffmpeg, which is not installed: apt install ffmpeg"
+    ):
         video.encoder()
 
 
@@ -130,7 +144,11 @@ def test_hits_are_given_on_the_robot_whose_laser_sits_ahead():
     joint = "<joint name='j'><origin xyz='0.1 0 0.2' rpy='0 0 0'/><parent link='base'/><child link='laser'/></joint>"
     mount = mount_of(f"<robot name='r'>{joint}</robot>", "laser")
     scan = types.SimpleNamespace(
-        ranges=(1.0, float("inf"), 2.0), angle_min=0.0, angle_increment=np.pi / 2, range_min=0.1, range_max=9.0
+        ranges=(1.0, float("inf"), 2.0),
+        angle_min=0.0,
+        angle_increment=np.pi / 2,
+        range_min=0.1,
+        range_max=9.0,
     )
     hits = conversions.hits_from_scan(scan, mount)
     assert hits == pytest.approx(np.array([(1.1, 0.0), (-1.9, 0.0)]), abs=1e-6)

@@ -46,7 +46,9 @@ def test_every_waypoint_keeps_its_clearance_separation_and_length(seed):
 
 def test_no_waypoint_lies_behind_closed_walls():
     for seed in range(5):
-        assert not any(leg.goal.x < 3.0 and leg.goal.y > 16.0 for legs in legs_of(seed) for leg in legs)
+        assert not any(
+            leg.goal.x < 3.0 and leg.goal.y > 16.0 for legs in legs_of(seed) for leg in legs
+        )
 
 
 def test_the_same_seed_gives_the_same_waypoints_and_another_others():
@@ -99,7 +101,9 @@ def corridor(width, shift=0.0):
 def test_a_goal_behind_a_corridor_that_the_planner_takes_is_taken(width, shift):
     floor = corridor(width, shift)
     check_places(floor, [(2.0, 3.0)], [[(15.0, 3.0)]])
-    ((leg,),) = fleet_waypoints(floor, [Pose(2.0, 3.0)], CONFIG, np.random.default_rng(1), [[[15.0, 3.0]]])
+    ((leg,),) = fleet_waypoints(
+        floor, [Pose(2.0, 3.0)], CONFIG, np.random.default_rng(1), [[[15.0, 3.0]]]
+    )
     assert leg.length == pytest.approx(13.0, rel=0.11)
 
 
@@ -107,7 +111,9 @@ def test_a_goal_behind_a_corridor_too_narrow_is_refused():
     floor = corridor(0.35)
     with pytest.raises(NoWaypointError, match="cannot reach its goal"):
         fleet_waypoints(floor, [Pose(2.0, 3.0)], CONFIG, np.random.default_rng(1), [[[15.0, 3.0]]])
-    with pytest.raises(DocumentError, match=r"the goal \(15, 3\) cannot be reached from the robot's place before"):
+    with pytest.raises(
+        DocumentError, match=r"the goal \(15, 3\) cannot be reached from the robot's place before"
+    ):
         check_places(floor, [(2.0, 3.0)], [[(2.5, 3.0), (15.0, 3.0)]])
 
 

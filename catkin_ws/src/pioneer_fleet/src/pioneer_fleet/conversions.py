@@ -93,7 +93,9 @@ def finite(value: float, name: str) -> float:
 def _pose(place: Any, turn: Any) -> Pose:
     yaw = yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w)
     if not is_near(place.x) or not is_near(place.y) or not math.isfinite(yaw):
-        raise MessageError(f"a pose is not finite or beyond {FARTHEST:g} m: ({place.x:g}, {place.y:g}), yaw {yaw:g}")
+        raise MessageError(
+            f"a pose is not finite or beyond {FARTHEST:g} m: ({place.x:g}, {place.y:g}), yaw {yaw:g}"
+        )
     return Pose(place.x, place.y, yaw)
 
 

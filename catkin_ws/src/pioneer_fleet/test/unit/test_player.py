@@ -5,10 +5,20 @@ from pathlib import Path
 
 import pytest
 
-from pioneer_fleet.adapters.recording import Kind, McapFile, Message, RecordingError, contents, messages_since
+from pioneer_fleet.adapters.recording import (
+    Kind,
+    McapFile,
+    Message,
+    RecordingError,
+    contents,
+    messages_since,
+)
 from pioneer_fleet.nodes.player import Pace
 
-PLAIN, LATCHED = Kind("std_msgs/Empty", "0", "", False), Kind("std_msgs/String", "1", "string data", True)
+PLAIN, LATCHED = (
+    Kind("std_msgs/Empty", "0", "", False),
+    Kind("std_msgs/String", "1", "string data", True),
+)
 SECOND = 10**9
 
 

@@ -7,10 +7,18 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from nav_msgs.msg import Path
 from simple_navigation_goals.msg import WaypointQueue
 
-from pioneer_fleet.conversions import MessageError, points_from_path, pose_from_message, queue_from_message
+from pioneer_fleet.conversions import (
+    MessageError,
+    points_from_path,
+    pose_from_message,
+    queue_from_message,
+)
 from pioneer_fleet.core.monitor import ClientState
 
-STATES = {name: getattr(WaypointQueue, name) for name in ("IDLE", "WAITING_FOR_MOVE_BASE", "DRIVING", "RESTING")}
+STATES = {
+    name: getattr(WaypointQueue, name)
+    for name in ("IDLE", "WAITING_FOR_MOVE_BASE", "DRIVING", "RESTING")
+}
 
 
 @pytest.mark.parametrize("name", STATES)

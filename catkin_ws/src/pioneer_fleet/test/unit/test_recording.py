@@ -35,7 +35,9 @@ def module(name: str, *words: object) -> list[str]:
 
 
 @pytest.mark.parametrize("suffix", ["mcap", "bag"])
-def test_two_masters_are_recorded_under_their_names_and_replayed_as_one(tmp_path: Path, suffix: str) -> None:
+def test_two_masters_are_recorded_under_their_names_and_replayed_as_one(
+    tmp_path: Path, suffix: str
+) -> None:
     path = tmp_path / f"run.{suffix}"
     with Master() as one, Master() as two, ProcessGroup() as group:
         for master, word in ((one, "hello"), (two, "world")):
@@ -45,7 +47,9 @@ def test_two_masters_are_recorded_under_their_names_and_replayed_as_one(tmp_path
         recorder = subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True)
         # The recorder is connected once it is listed among the talker's subscribers.
         for master in (one, two):
-            wait_until(lambda m=master: receives(m, "/fleet_recorder"), "the recorder's connection", START)  # type: ignore[misc]
+            wait_until(
+                lambda m=master: receives(m, "/fleet_recorder"), "the recorder's connection", START
+            )  # type: ignore[misc]
         recorder.send_signal(signal.SIGINT)
         said, _ = recorder.communicate(timeout=START)
     assert "0 dropped" in said
@@ -63,7 +67,9 @@ def receives(master: Master, name: str) -> bool:
     try:
         uri = Client(master.uri, "/test").ask_master("lookupNode", "/talker")
         with xmlrpc.client.ServerProxy(uri) as talker:
-            return any(row[1] == name and row[4] == "/words" for row in talker.getBusInfo("/test")[2])
+            return any(
+                row[1] == name and row[4] == "/words" for row in talker.getBusInfo("/test")[2]
+            )
     except (OSError, TcprosError):
         return False
 
@@ -73,11 +79,18 @@ def opened_by_others(path: Path) -> set[str]:
     if path.suffix == ".bag":
         with AnyReader([path]) as reader:
             words = [one for one in reader.connections if one.msgtype == "std_msgs/msg/String"]
-            read = [(one.topic, reader.deserialize(data, one.msgtype)) for one, _, data in reader.messages(words)]
+            read = [
+                (one.topic, reader.deserialize(data, one.msgtype))
+                for one, _, data in reader.messages(words)
+            ]
     else:
         with path.open("rb") as file:
             found = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
-            read = [(channel.topic, message) for schema, channel, _, message in found if schema.name == String._type]
+            read = [
+                (channel.topic, message)
+                for schema, channel, _, message in found
+                if schema.name == String._type
+            ]
     assert {message.data for _, message in read} == {"hello", "world"}
     return {topic for topic, _ in read}
 
@@ -85,7 +98,10 @@ def opened_by_others(path: Path) -> set[str]:
 def assert_replayed(path: Path, environment: dict[str, str]) -> None:
     """Checks that the words are replayed, without the masters' names in their topics."""
     replay = subprocess.Popen(
-        module("pioneer_fleet.nodes.replay", path, "--stay"), env=environment, stdout=subprocess.PIPE, text=True
+        module("pioneer_fleet.nodes.replay", path, "--stay"),
+        env=environment,
+        stdout=subprocess.PIPE,
+        text=True,
     )
     assert replay.stdout is not None
     uri = replay.stdout.readline().strip().partition("=")[2]

@@ -45,7 +45,9 @@ def test_a_fleet_that_was_killed_is_not_found_and_leaves_nothing(folder: Path) -
     assert [path.name for path in folder.rglob("*.*")] == []
 
 
-def test_the_folder_of_the_session_is_preferred(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_folder_of_the_session_is_preferred(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     runtime = folder / "run"
     runtime.mkdir()
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
@@ -56,7 +58,9 @@ def test_the_folder_of_the_session_is_preferred(folder: Path, monkeypatch: pytes
 
 
 @pytest.mark.parametrize("fault", ["link", "mode", "owner", "file"])
-def test_a_folder_that_others_can_reach_is_not_used(folder: Path, monkeypatch: pytest.MonkeyPatch, fault: str) -> None:
+def test_a_folder_that_others_can_reach_is_not_used(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, fault: str
+) -> None:
     place = folder / f"pioneer-fleets-{os.getuid()}"
     elsewhere = folder / "elsewhere"
     elsewhere.mkdir(0o700)

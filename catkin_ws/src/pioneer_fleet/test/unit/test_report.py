@@ -19,7 +19,9 @@ def test_a_computer_without_a_hub_is_starting_and_reports_it() -> None:
 
 
 def test_a_rule_that_does_not_carry_is_named() -> None:
-    report = robot(gateway="g", hub="h", rules={**ACTIVE, "pull map": "no publisher", "pull tf": "pending"})
+    report = robot(
+        gateway="g", hub="h", rules={**ACTIVE, "pull map": "no publisher", "pull tf": "pending"}
+    )
     assert report.stage is Stage.CONNECTED
     assert report.lacks == "pull map: no publisher (and 1 more)"
 
@@ -32,14 +34,25 @@ def test_a_rule_that_thins_messages_out_is_in_force() -> None:
 
 
 def test_a_tool_that_has_ended_leaves_no_rule_to_wait_for() -> None:
-    odom = {"action": "flip", "gateway": "a", "type": "publisher", "name": "odom", "node": "", "state": "active"}
+    odom = {
+        "action": "flip",
+        "gateway": "a",
+        "type": "publisher",
+        "name": "odom",
+        "node": "",
+        "state": "active",
+    }
     page = {**odom, "name": "goal", "node": "/fleet_page.*"}
     assert states_of([odom, page]) == {
         "flip a publisher odom": "active",
         "flip a publisher goal /fleet_page.*": "active",
     }
-    assert states_of([odom, {**page, "state": "no such topic"}]) == {"flip a publisher odom": "active"}
-    assert states_of([{**odom, "state": "no such topic"}]) == {"flip a publisher odom": "no such topic"}
+    assert states_of([odom, {**page, "state": "no such topic"}]) == {
+        "flip a publisher odom": "active"
+    }
+    assert states_of([{**odom, "state": "no such topic"}]) == {
+        "flip a publisher odom": "no such topic"
+    }
 
 
 def test_a_robot_with_rules_and_sensors_but_no_pose_is_not_ready() -> None:
@@ -49,7 +62,15 @@ def test_a_robot_with_rules_and_sensors_but_no_pose_is_not_ready() -> None:
 
 
 def test_a_ready_robot_moves_when_it_turns_or_drives() -> None:
-    report = robot(gateway="g", hub="h", rules=ACTIVE, odom_at=1.0, scan_at=1.0, queue=queue(), pose=(0.0, 0.0, 0.0))
+    report = robot(
+        gateway="g",
+        hub="h",
+        rules=ACTIVE,
+        odom_at=1.0,
+        scan_at=1.0,
+        queue=queue(),
+        pose=(0.0, 0.0, 0.0),
+    )
     assert report.stage is Stage.READY
     assert not report.lacks
     report.angular = -0.4
@@ -75,7 +96,9 @@ def test_a_robot_at_its_goal_has_moved_and_one_that_waits_or_failed_has_not() ->
 
 
 def test_the_base_station_needs_a_simulator_with_robots() -> None:
-    base = Report("aadiworkstation", gateway="Hub_Gateway", hub="h", rules=ACTIVE, real_time_factor=1.0)
+    base = Report(
+        "aadiworkstation", gateway="Hub_Gateway", hub="h", rules=ACTIVE, real_time_factor=1.0
+    )
     assert base.lacks == "the simulator does not run yet"
     base.models = ("pioneer1",)
     assert base.stage is Stage.MOVING

@@ -15,17 +15,24 @@ PATIENCE = 30.0
 
 
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, "q"])
-def test_every_way_to_end_teleop_stops_the_robot(tmp_path: Path, ending: signal.Signals | str) -> None:
+def test_every_way_to_end_teleop_stops_the_robot(
+    tmp_path: Path, ending: signal.Signals | str
+) -> None:
     heard = tmp_path / "heard"
     shown = tmp_path / "shown"
     keyboard, theirs = pty.openpty()
     with Master() as master, heard.open("w") as commands, shown.open("w") as output:
         environment = {**os.environ, **master.environment, "PYTHONUNBUFFERED": "1"}
         listener = subprocess.Popen(
-            ["rostopic", "echo", "-p", "/pioneer1/cmd_vel/linear/x"], env=environment, stdout=commands
+            ["rostopic", "echo", "-p", "/pioneer1/cmd_vel/linear/x"],
+            env=environment,
+            stdout=commands,
         )
         teleop = subprocess.Popen(
-            ["rosrun", "pioneer_fleet", "teleop", "pioneer1"], env=environment, stdin=theirs, stdout=output
+            ["rosrun", "pioneer_fleet", "teleop", "pioneer1"],
+            env=environment,
+            stdin=theirs,
+            stdout=output,
         )
         os.write(keyboard, b"w")
         try:
@@ -35,7 +42,9 @@ def test_every_way_to_end_teleop_stops_the_robot(tmp_path: Path, ending: signal.
             else:
                 teleop.send_signal(ending)
             status = teleop.wait(PATIENCE)
-            wait_until(lambda: heard.read_text().endswith(",0.0\n"), "the command to stop", PATIENCE)
+            wait_until(
+                lambda: heard.read_text().endswith(",0.0\n"), "the command to stop", PATIENCE
+            )
         finally:
             for process in (teleop, listener):
                 process.kill()

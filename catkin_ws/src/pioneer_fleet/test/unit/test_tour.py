@@ -27,5 +27,10 @@ def test_the_first_round_of_a_small_fleet_goes_to_free_places() -> None:
 
 def test_places_are_those_of_consecutive_robots() -> None:
     pose = {"x": 1, "y": 2, "a": 0.5}
-    parameters = {"pioneer1": pose, "pioneer2": {**pose, "tf_prefix": "pioneer2"}, "pioneer4": pose, "gazebo": {}}
+    parameters = {
+        "pioneer1": pose,
+        "pioneer2": {**pose, "tf_prefix": "pioneer2"},
+        "pioneer4": pose,
+        "gazebo": {},
+    }
     assert places_from_mapping(parameters) == [(1.0, 2.0, 0.5)] * 2

@@ -38,14 +38,18 @@ class Account:
         self._records: dict[tuple[int, int], _Record] = {}
         self._peak_rss = collections.Counter[str]()
 
-    def add(self, states: Iterable[ProcessState], arguments_of: Callable[[int], Sequence[str]]) -> None:
+    def add(
+        self, states: Iterable[ProcessState], arguments_of: Callable[[int], Sequence[str]]
+    ) -> None:
         """Adds one sample: all processes of the tree that exist now."""
         sample = {state.key: state for state in states}
         for key, state in sample.items():
             if state.alive:
                 # exec keeps the pid and changes the command line, so the kind is read again each time.
                 self._records[key] = _Record(self._kind_of(arguments_of(state.pid)), state)
-            elif key in self._records:  # a zombie has no command line, but still its final CPU times
+            elif (
+                key in self._records
+            ):  # a zombie has no command line, but still its final CPU times
                 self._records[key].state = dataclasses.replace(state, rss=0)
         rss = collections.Counter[str]()
         for key, record in self._records.items():
@@ -61,7 +65,10 @@ class Account:
             cpu[record.kind] += record.state.cpu
             count[record.kind] += 1
         cpu[self._short] += self._unseen_cpu()
-        return {kind: Usage(seconds, self._peak_rss[kind], count[kind]) for kind, seconds in sorted(cpu.items())}
+        return {
+            kind: Usage(seconds, self._peak_rss[kind], count[kind])
+            for kind, seconds in sorted(cpu.items())
+        }
 
     def _unseen_cpu(self) -> float:
         ended = collections.defaultdict[int, float](float)

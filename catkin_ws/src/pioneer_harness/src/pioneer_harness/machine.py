@@ -28,10 +28,27 @@ class FarMachine:
         #: here: our address on the cable, unique among our emulated machines
         self.here, self.there = (f"{_NETWORK}.{4 * number + end}" for end in (1, 2))
         self.name, self._near = f"pioneer-{os.getpid()}-{number}", f"pioneer{number}"
-        self.prefix = ("ip", "netns", "exec", self.name)  #: command prefix that runs a command there
+        self.prefix = (
+            "ip",
+            "netns",
+            "exec",
+            self.name,
+        )  #: command prefix that runs a command there
         try:
             _run("ip", "netns", "add", self.name)
-            _run("ip", "link", "add", self._near, "type", "veth", "peer", "name", "eth0", "netns", self.name)
+            _run(
+                "ip",
+                "link",
+                "add",
+                self._near,
+                "type",
+                "veth",
+                "peer",
+                "name",
+                "eth0",
+                "netns",
+                self.name,
+            )
             _run("ip", "address", "add", f"{self.here}/30", "dev", self._near)
             _run("ip", "link", "set", self._near, "up")
             self.run("ip", "address", "add", f"{self.there}/30", "dev", "eth0")
@@ -56,7 +73,19 @@ class FarMachine:
     def narrow(self, rate: str) -> None:
         """Limits the traffic from there to `rate`, in tc's notation."""
         self.run(
-            "tc", "qdisc", "replace", "dev", "eth0", "root", "tbf", "rate", rate, "burst", "16kb", "latency", "400ms"
+            "tc",
+            "qdisc",
+            "replace",
+            "dev",
+            "eth0",
+            "root",
+            "tbf",
+            "rate",
+            rate,
+            "burst",
+            "16kb",
+            "latency",
+            "400ms",
         )
 
     def widen(self) -> None:

@@ -118,7 +118,12 @@ class MasterProcess(MasterClient):
     """
 
     def __init__(
-        self, group: ProcessGroup, port: int, folder: Path, host: str = "127.0.0.1", prefix: Sequence[str] = ()
+        self,
+        group: ProcessGroup,
+        port: int,
+        folder: Path,
+        host: str = "127.0.0.1",
+        prefix: Sequence[str] = (),
     ) -> None:
         super().__init__(f"http://{host}:{port}/")
         self.environment = {**os.environ, **environment(self.uri, folder), "ROS_IP": host}
@@ -144,7 +149,12 @@ class MasterProcess(MasterClient):
 
 def environment(uri: str, home: Path) -> dict[str, str]:
     """Returns the variables that point a ROS process of this machine at the master ``uri``, logging under ``home``."""
-    return {"ROS_MASTER_URI": uri, "ROS_IP": _LOOPBACK, "ROS_HOME": str(home), "ROS_LOG_DIR": str(home / "log")}
+    return {
+        "ROS_MASTER_URI": uri,
+        "ROS_IP": _LOOPBACK,
+        "ROS_HOME": str(home),
+        "ROS_LOG_DIR": str(home / "log"),
+    }
 
 
 def is_running(uri: str, timeout: float = 1.0) -> bool:

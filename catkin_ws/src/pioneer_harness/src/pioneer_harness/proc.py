@@ -90,7 +90,9 @@ def _quota(control_group: Path) -> float:
     if unified.is_file():
         quota, period = unified.read_text().split()
     elif (old / "cpu.cfs_quota_us").is_file():
-        quota, period = ((old / f"cpu.cfs_{name}_us").read_text().strip() for name in ("quota", "period"))
+        quota, period = (
+            (old / f"cpu.cfs_{name}_us").read_text().strip() for name in ("quota", "period")
+        )
     else:
         return math.inf
     return math.inf if quota in ("max", "-1") else int(quota) / int(period)

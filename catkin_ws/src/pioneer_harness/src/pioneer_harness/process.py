@@ -153,15 +153,24 @@ class ProcessGroup:
     def is_running(self, name: str) -> bool:
         """Returns whether a process with this name is running."""
         with self.changed:
-            return any(member.name == name and member.popen.returncode is None for member in self._members.values())
+            return any(
+                member.name == name and member.popen.returncode is None
+                for member in self._members.values()
+            )
 
     def kill(self, name: str) -> None:
         """Kills a process and its descendants with SIGKILL, like a power failure; not counted as unexpected."""
         with self.changed:
-            living = [one for one in self._members.values() if one.name == name and one.popen.returncode is None]
+            living = [
+                one
+                for one in self._members.values()
+                if one.name == name and one.popen.returncode is None
+            ]
             for member in living:
                 member.killed = True
-        pids = [pid for member in living for pid in descendants(process_states(), {member.popen.pid})]
+        pids = [
+            pid for member in living for pid in descendants(process_states(), {member.popen.pid})
+        ]
         # The parent first, so that it does not respawn its children.
         for pid in [*(member.popen.pid for member in living), *pids]:
             _send(pid, signal.SIGKILL)
@@ -173,7 +182,9 @@ class ProcessGroup:
             roots = set(self._members)
         for state in everything.values():
             if self._is_adopted(state) and (
-                state.key in self._known or state.session in roots or has_variable(state.pid, self._variable, "1")
+                state.key in self._known
+                or state.session in roots
+                or has_variable(state.pid, self._variable, "1")
             ):
                 roots.add(state.pid)
         ours = {pid: everything[pid] for pid in descendants(everything, roots)}
@@ -184,7 +195,9 @@ class ProcessGroup:
         """Adds a sample of the group's current processes to ``account``."""
         account.add(self.states().values(), arguments)
 
-    def stop(self, grace: float = 3.0, urgent: Callable[[], bool] = lambda: False) -> tuple[str, ...]:
+    def stop(
+        self, grace: float = 3.0, urgent: Callable[[], bool] = lambda: False
+    ) -> tuple[str, ...]:
         """Ends everything: SIGINT to the started processes, after ``grace`` [s] SIGKILL to all that are left.
 
         Orphans that the started processes leave behind get SIGINT too.
@@ -259,7 +272,9 @@ class ProcessGroup:
         with self.changed:
             status = member.popen.wait()
             if not self._stopping and not member.killed and not (member.may_end and status == 0):
-                deaths = self._restartable_deaths if member.name in self.restartable else self._deaths
+                deaths = (
+                    self._restartable_deaths if member.name in self.restartable else self._deaths
+                )
                 deaths.append(Death(member.name, member.popen.pid, status, member.log))
             self.changed.notify_all()
 
@@ -267,7 +282,9 @@ class ProcessGroup:
         if not self._watcher.is_alive():
             return
         with self.changed:
-            self.changed.wait_for(lambda: all(m.popen.returncode is not None for m in self._members.values()))
+            self.changed.wait_for(
+                lambda: all(m.popen.returncode is not None for m in self._members.values())
+            )
         os.close(self._end_writer)
         self._watcher.join()
         self._selector.close()
@@ -286,7 +303,11 @@ def last_lines(path: Path, count: int = _LAST_LINES) -> str:
 
 
 def _spawn(
-    name: str, argv: Sequence[str], environment: Mapping[str, str], log: Path | None, folder: Path | None
+    name: str,
+    argv: Sequence[str],
+    environment: Mapping[str, str],
+    log: Path | None,
+    folder: Path | None,
 ) -> "subprocess.Popen[bytes]":
     try:
         output = log.open("ab") if log else None

@@ -17,7 +17,10 @@ _POLL_INTERVAL = 0.02
 
 
 def wait_until(
-    condition: Callable[[], Value], what: str, timeout: float, notified: threading.Condition | None = None
+    condition: Callable[[], Value],
+    what: str,
+    timeout: float,
+    notified: threading.Condition | None = None,
 ) -> Value:
     """Returns the first true value of ``condition()``.
 

@@ -19,7 +19,9 @@ def test_several_masters_live_at_once_and_know_nothing_of_each_other():
 
 def test_registrations_show_in_the_system_state():
     with Master() as master:
-        master.proxy("/talker").registerPublisher("/chatter", "std_msgs/String", "http://127.0.0.1:1/")
+        master.proxy("/talker").registerPublisher(
+            "/chatter", "std_msgs/String", "http://127.0.0.1:1/"
+        )
         publishers, subscribers, services = master.system_state()
         assert publishers == {"/chatter": ["/talker"]}
         assert not subscribers
@@ -54,7 +56,9 @@ def test_stopping_twice_is_harmless():
 def test_a_connection_of_a_worker_that_ends_late_is_not_left_open():
     with Master() as master, warnings.catch_warnings(record=True) as complaints:
         warnings.simplefilter("always")
-        worker = threading.Thread(target=lambda: rosmaster.util.xmlrpcapi(master.uri).getPid("/worker"))
+        worker = threading.Thread(
+            target=lambda: rosmaster.util.xmlrpcapi(master.uri).getPid("/worker")
+        )
         worker.start()
         worker.join()
         del worker

@@ -33,7 +33,11 @@ def test_the_preferred_port_is_taken_when_free():
 def test_two_reservations_never_share_a_port():
     port = free_number()
     with PortReservation() as first, PortReservation() as second:
-        assert {first.take(port), second.take(port), second.take(port)} == {port, port + 1000, port + 2000}
+        assert {first.take(port), second.take(port), second.take(port)} == {
+            port,
+            port + 1000,
+            port + 2000,
+        }
 
 
 def test_a_released_port_can_be_taken_again():

@@ -4,7 +4,14 @@ import os
 
 import pytest
 
-from pioneer_harness.proc import ProcessState, arguments, descendants, has_variable, process_state, processors
+from pioneer_harness.proc import (
+    ProcessState,
+    arguments,
+    descendants,
+    has_variable,
+    process_state,
+    processors,
+)
 
 
 def test_this_process_is_read_as_the_kernel_knows_it():
@@ -43,7 +50,9 @@ def test_descendants_are_the_roots_and_all_below_them():
         ({"cpu/cpu.cfs_quota_us": "25000\n", "cpu/cpu.cfs_period_us": "100000\n"}, 0.25),
     ],
 )
-def test_processors_are_those_we_may_run_on_or_what_the_control_group_leaves(tmp_path, files, expected):
+def test_processors_are_those_we_may_run_on_or_what_the_control_group_leaves(
+    tmp_path, files, expected
+):
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)

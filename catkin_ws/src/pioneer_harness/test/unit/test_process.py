@@ -21,7 +21,12 @@ SLEEP = ["sleep", "1000"]
 def run_python(script):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     return subprocess.run(
-        [sys.executable, "-c", script], env=environment, stdout=subprocess.PIPE, text=True, timeout=15, check=False
+        [sys.executable, "-c", script],
+        env=environment,
+        stdout=subprocess.PIPE,
+        text=True,
+        timeout=15,
+        check=False,
     )
 
 
@@ -39,7 +44,10 @@ def number_in(path):
 def stubborn(group, folder):
     """Starts a process that ignores SIGINT and SIGTERM; returns its PID once it does."""
     ready = folder / "ready"
-    pid = group.start("stubborn", ["bash", "-c", f"trap '' INT TERM; echo 1 > {ready}; while :; do sleep 1000; done"])
+    pid = group.start(
+        "stubborn",
+        ["bash", "-c", f"trap '' INT TERM; echo 1 > {ready}; while :; do sleep 1000; done"],
+    )
     wait_until(lambda: number_in(ready), "the trap", 5.0)
     return pid
 
@@ -77,10 +85,14 @@ def test_a_process_that_ignores_sigint_is_killed_after_the_grace(group, tmp_path
     assert time.monotonic() - started < 3.0
 
 
-def test_a_process_that_is_ending_as_the_grace_ends_did_not_have_to_be_killed(group, tmp_path, monkeypatch):
+def test_a_process_that_is_ending_as_the_grace_ends_did_not_have_to_be_killed(
+    group, tmp_path, monkeypatch
+):
     """A demo used to fail with "had to be killed at the end: " and an empty list."""
     pid = stubborn(group, tmp_path)
-    monkeypatch.setattr("pioneer_harness.process.arguments", lambda _: ())  # as once its memory is freed
+    monkeypatch.setattr(
+        "pioneer_harness.process.arguments", lambda _: ()
+    )  # as once its memory is freed
     assert group.stop(grace=0.3) == ()
     assert not is_alive(pid)
 
@@ -157,7 +169,9 @@ def test_an_unexpected_end_is_noticed_and_told_with_its_last_lines(group, tmp_pa
     log = tmp_path / "robot.log"
     group.start("robot", ["bash", "-c", "echo the wheel fell off; exit 3"], log=log)
     wait_until(lambda: group.deaths, "the death", 5.0, group.changed)
-    with pytest.raises(ProcessDiedError, match=r"robot \(pid \d+\) ended, status 3(.|\n)*the wheel fell off"):
+    with pytest.raises(
+        ProcessDiedError, match=r"robot \(pid \d+\) ended, status 3(.|\n)*the wheel fell off"
+    ):
         group.check()
 
 
@@ -171,7 +185,12 @@ def test_a_killed_process_is_reported_with_its_signal(group):
 def test_a_process_that_may_end_is_no_death_unless_it_fails(group):
     group.start("good", ["true"], may_end=True)
     group.start("bad", ["false"], may_end=True)
-    wait_until(lambda: not group.is_running("good") and not group.is_running("bad"), "both ends", 5.0, group.changed)
+    wait_until(
+        lambda: not group.is_running("good") and not group.is_running("bad"),
+        "both ends",
+        5.0,
+        group.changed,
+    )
     assert [death.name for death in group.deaths] == ["bad"]
 
 

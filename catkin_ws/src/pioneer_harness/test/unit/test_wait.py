@@ -15,7 +15,9 @@ def test_returns_the_first_true_value():
 
 
 def test_failure_names_what_was_awaited_and_the_last_value():
-    with pytest.raises(WaitError, match=r"three robots: not within 0.05 s; the last value was \[\]"):
+    with pytest.raises(
+        WaitError, match=r"three robots: not within 0.05 s; the last value was \[\]"
+    ):
         wait_until(list, "three robots", 0.05)
 
 

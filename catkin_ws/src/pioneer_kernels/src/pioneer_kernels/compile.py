@@ -40,9 +40,13 @@ def numba_type(hint: Any) -> types.Type:
         return types.Array(numba.from_dtype(array[0]), array[1], "C")
     if fields := declaration.fields_of(hint):
         members = [numba_type(each) for each in fields.values()]
-        return types.Tuple(members) if get_origin(hint) is tuple else types.NamedTuple(members, hint)
+        return (
+            types.Tuple(members) if get_origin(hint) is tuple else types.NamedTuple(members, hint)
+        )
     if hint not in _SCALARS:
-        raise KernelError(f"a kernel cannot take or return {hint}; use int, float, bool, Array1 … 3, or a NamedTuple")
+        raise KernelError(
+            f"a kernel cannot take or return {hint}; use int, float, bool, Array1 … 3, or a NamedTuple"
+        )
     return _SCALARS[hint]
 
 
@@ -77,10 +81,14 @@ def _flags_releasing_gil(flags: Callable[[], Any]) -> Any:
 def main() -> int:
     """Compiles the module named on the command line; returns the exit status."""
     parser = argparse.ArgumentParser(prog="pioneer_kernels.compile", description=__doc__)
-    parser.add_argument("--source-root", type=Path, required=True, help="folder that holds the package")
+    parser.add_argument(
+        "--source-root", type=Path, required=True, help="folder that holds the package"
+    )
     parser.add_argument("--module", required=True, help="dotted name of the kernel module")
     parser.add_argument("--extension", required=True, help="name of the extension to write")
-    parser.add_argument("--output", type=Path, required=True, help="folder the extension is written to")
+    parser.add_argument(
+        "--output", type=Path, required=True, help="folder the extension is written to"
+    )
     parser.add_argument("--cpu", default="host", help="LLVM processor name (default: %(default)s)")
     arguments = parser.parse_args()
     sys.path.insert(0, str(arguments.source_root))

@@ -74,10 +74,16 @@ def fields_of(hint: Any) -> dict[str, Any] | None:
     """Returns the hints of a group's fields by name; None if ``hint`` is not a group."""
     if get_origin(hint) is tuple:
         return {str(index): each for index, each in enumerate(get_args(hint))}
-    return get_type_hints(hint, include_extras=True) if isinstance(hint, type) and issubclass(hint, tuple) else None
+    return (
+        get_type_hints(hint, include_extras=True)
+        if isinstance(hint, type) and issubclass(hint, tuple)
+        else None
+    )
 
 
-def checked(compiled: Callable[..., Result], name: str, hints: dict[str, Any]) -> Callable[..., Result]:
+def checked(
+    compiled: Callable[..., Result], name: str, hints: dict[str, Any]
+) -> Callable[..., Result]:
     """Returns ``compiled`` with its arguments checked against the ``hints`` of its parameters."""
     arrays, groups = _checks(hints)
     count = len(hints)

@@ -14,7 +14,9 @@ def _parameters(monkeypatch, robot, *arguments, host=""):
     monkeypatch.setenv("HOSTNAME", host)
     config = roslaunch.config.ROSLaunchConfig()
     path = f"{roslib.packages.get_pkg_dir('pioneer_networking')}/launch/pioneer_gateway.launch"
-    roslaunch.xmlloader.XmlLoader(resolve_anon=False).load(path, config, argv=list(arguments), verbose=False)
+    roslaunch.xmlloader.XmlLoader(resolve_anon=False).load(
+        path, config, argv=list(arguments), verbose=False
+    )
     return {name: one.value for name, one in config.params.items()}
 
 
@@ -31,15 +33,34 @@ def _options(monkeypatch, robot, *arguments):
 
 def test_time_odometry_and_tf_come_at_20_hz_of_simulated_time_and_scans_as_they_are(monkeypatch):
     options = _options(monkeypatch, "pioneer1")
-    topics = ("/clock", "/tf", "/pioneer1/odom", "/tf_static", "/map", "/pioneer1/base_scan", "/pioneer1/cmd_vel")
+    topics = (
+        "/clock",
+        "/tf",
+        "/pioneer1/odom",
+        "/tf_static",
+        "/map",
+        "/pioneer1/base_scan",
+        "/pioneer1/cmd_vel",
+    )
     assert [options(topic).stamp_rate for topic in topics] == [20, 20, 20, 0, 0, 0, 0]
     assert not any(options(topic).rate for topic in topics)
-    assert [topic for topic in topics if options(topic).compress] == ["/tf", "/pioneer1/odom", "/pioneer1/base_scan"]
+    assert [topic for topic in topics if options(topic).compress] == [
+        "/tf",
+        "/pioneer1/odom",
+        "/pioneer1/base_scan",
+    ]
 
 
 def test_of_other_robots_only_poses_come(monkeypatch):
     keeps = _options(monkeypatch, "pioneer1")("/tf").keeps_frame()
-    frames = ["pioneer1/odom", "pioneer1/left_wheel", "pioneer2/odom", "/pioneer2/base_link", "map", "pioneer2/swivel"]
+    frames = [
+        "pioneer1/odom",
+        "pioneer1/left_wheel",
+        "pioneer2/odom",
+        "/pioneer2/base_link",
+        "map",
+        "pioneer2/swivel",
+    ]
     assert [keeps(frame) for frame in frames] == [True] * 5 + [False]
 
 
@@ -64,6 +85,8 @@ def test_every_message_crosses_for_a_computer_of_no_robot_or_if_so_wanted(monkey
         ("laptop", "", ""),
     ],
 )
-def test_a_gateway_on_host_aadi3_is_pioneer3s_without_being_told(monkeypatch, host, name, namespace):
+def test_a_gateway_on_host_aadi3_is_pioneer3s_without_being_told(
+    monkeypatch, host, name, namespace
+):
     """With the tutorial's steps, robots' gateways used to have no namespace: full rates, and no log on the page."""
     assert _parameters(monkeypatch, name, host=host)["/gateway/namespace"] == namespace

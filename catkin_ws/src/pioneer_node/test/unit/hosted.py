@@ -30,7 +30,9 @@ class Echo:
             self.ticker.start()
         if message.data == "fail":
             raise RuntimeError("as asked")
-        self.publisher.publish(f"{message.data} x{self.gain} of {sender} at {self.node.now():.2f}, {self.watched}")
+        self.publisher.publish(
+            f"{message.data} x{self.gain} of {sender} at {self.node.now():.2f}, {self.watched}"
+        )
 
     def tick(self):
         self.publisher.publish("ticked")

@@ -9,11 +9,19 @@ from pathlib import Path
 
 import pytest
 
-COMMAND = [sys.executable, "-c", "from pioneer_node.nodes.computer import main; raise SystemExit(main())"]
-WAITS = """sh -c 'trap "echo interrupted; exit 0" INT; echo started; while :; do sleep 0.05; done'"""
+COMMAND = [
+    sys.executable,
+    "-c",
+    "from pioneer_node.nodes.computer import main; raise SystemExit(main())",
+]
+WAITS = (
+    """sh -c 'trap "echo interrupted; exit 0" INT; echo started; while :; do sleep 0.05; done'"""
+)
 
 
-@pytest.mark.parametrize(("status", "expected"), [(3, 3), (0, 1)], ids=["by its status", "success is a failure, too"])
+@pytest.mark.parametrize(
+    ("status", "expected"), [(3, 3), (0, 1)], ids=["by its status", "success is a failure, too"]
+)
 def test_end_of_a_step_interrupts_the_others(tmp_path: Path, status: int, expected: int) -> None:
     ready = tmp_path / "ready"
     waits = WAITS.replace("echo started", f"touch {ready}")
@@ -51,13 +59,19 @@ def test_steps_run_also_where_the_socket_cannot_be_made(tmp_path: Path, folder: 
     (tmp_path / "file").touch()
     environment = {**os.environ, "PIONEER_FORK_SOCKET": str(tmp_path / folder / "socket")}
     done = subprocess.run(
-        [*COMMAND, "sh -c 'echo runs; exit 3'"], env=environment, capture_output=True, text=True, timeout=60
+        [*COMMAND, "sh -c 'echo runs; exit 3'"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
     )
     assert (done.returncode, done.stdout) == (3, "runs\n")
     assert done.stderr.startswith(f"cannot listen at {tmp_path / folder / 'socket'} (")
 
 
-def test_computer_run_by_a_path_with_dots_forks_launchers_and_their_nodes_from_one_server(tmp_path: Path) -> None:
+def test_computer_run_by_a_path_with_dots_forks_launchers_and_their_nodes_from_one_server(
+    tmp_path: Path,
+) -> None:
     main = "from pioneer_node.nodes.computer import main\nraise SystemExit(main())"
     _installed(tmp_path, "pioneer_node", "computer", main)
     node = _installed(tmp_path, "nodes", "node", "import os\nprint('node', os.getppid())")

@@ -136,7 +136,9 @@ def test_the_publisher_hears_of_a_subscriber_that_went_while_messages_waited(end
         connection.write_data(frame(10))
 
 
-def test_what_waited_for_a_subscriber_that_has_gone_is_dropped_and_each_later_message_fails(ends: Pair) -> None:
+def test_what_waited_for_a_subscriber_that_has_gone_is_dropped_and_each_later_message_fails(
+    ends: Pair,
+) -> None:
     """The queue used to be kept after the subscriber had closed, and grew without limit and without an error."""
     transport, subscriber = ends
     connection = DirectConnection(transport, 0)

@@ -24,7 +24,9 @@ print("done")
 
 def test_signals_in_the_middle_of_a_wait_or_of_one_another_hang_nothing() -> None:
     """With a threading.Event, the handler used to deadlock on a lock that the interrupted main thread held."""
-    done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, timeout=60.0, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM], capture_output=True, text=True, timeout=60.0, check=False
+    )
     assert (done.returncode, done.stdout, done.stderr) == (0, "done\n", "")
 
 
@@ -58,7 +60,9 @@ os.read(nothing, 1)
 
 def test_a_signal_is_seen_while_the_main_thread_sleeps() -> None:
     """About one in ten nodes that waited like this used not to end, because the handler was never called."""
-    done = subprocess.run([sys.executable, "-c", ASLEEP], capture_output=True, text=True, timeout=60.0, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", ASLEEP], capture_output=True, text=True, timeout=60.0, check=False
+    )
     assert (done.returncode, done.stdout, done.stderr) == (0, "15", "")
 
 

@@ -28,7 +28,9 @@ rospy.signal_shutdown("test")
 
 def test_a_loop_that_is_woken_at_shutdown_sees_the_shutdown():
     # rospy.on_shutdown runs callbacks before it sets the flag: on a loaded machine amcl and others then slept forever.
-    done = subprocess.run([sys.executable, "-c", SHUT_DOWN], capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", SHUT_DOWN], capture_output=True, text=True, timeout=60, check=True
+    )
     assert "is_shutdown True" in done.stdout
 
 
@@ -50,7 +52,9 @@ raise SystemExit(entry.run("node", Node))
 
 
 @pytest.mark.parametrize(("asked", "status"), [("asked", 0), ("", 1)])
-def test_a_node_that_lost_its_master_shuts_down_without_a_traceback(asked: str, status: int) -> None:
+def test_a_node_that_lost_its_master_shuts_down_without_a_traceback(
+    asked: str, status: int
+) -> None:
     """A waypoint client that was reconnecting used to print one. Without a shutdown request it is still an error."""
     command = [sys.executable, "-c", LOSES_ITS_MASTER, asked]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
@@ -63,7 +67,9 @@ def test_a_node_that_finds_no_master_ends_when_asked_to(number: int) -> None:
     code = "from pioneer_node.nodes import entry; raise SystemExit(entry.run('node', object))"
     environment = {**os.environ, "ROS_MASTER_URI": "http://127.0.0.1:1", "PYTHONUNBUFFERED": "1"}
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen([sys.executable, "-c", code], env=environment, text=True, **streams) as process:
+    with subprocess.Popen(
+        [sys.executable, "-c", code], env=environment, text=True, **streams
+    ) as process:
         try:
             assert process.stdout
             assert "Unable to register" in process.stdout.readline()
@@ -122,7 +128,9 @@ def test_a_node_that_was_asked_to_end_leaves_without_taking_python_apart() -> No
     """Finalizing Python costs a node with numba and scipy 0.15 s of CPU; on a busy machine it then needed SIGTERM."""
     with Master() as master, ProcessGroup() as group:
         log = master.home / "node.log"
-        node = group.start("node", [sys.executable, "-c", TAKES_LONG_TO_TAKE_APART], master.environment, log, True)
+        node = group.start(
+            "node", [sys.executable, "-c", TAKES_LONG_TO_TAKE_APART], master.environment, log, True
+        )
         wait_until(lambda: "ready" in log.read_text(), "the node", START)
         os.kill(node, signal.SIGINT)
         wait_until(lambda: not group.is_running("node"), "its end", START)
@@ -161,8 +169,12 @@ def test_a_server_that_ran_out_of_file_descriptors_serves_again() -> None:
     """Its accept thread used to die with a traceback; the node stayed registered but answered no requests."""
     with Master() as master, ProcessGroup() as group:
         log = master.home / "server.log"
-        server = group.start("server", [sys.executable, "-u", "-c", SERVES], master.environment, log)
-        host, port = wait_until(lambda: re.search(r"rosrpc://(.*):(\d+)", log.read_text()), "its port", START).groups()
+        server = group.start(
+            "server", [sys.executable, "-u", "-c", SERVES], master.environment, log
+        )
+        host, port = wait_until(
+            lambda: re.search(r"rosrpc://(.*):(\d+)", log.read_text()), "its port", START
+        ).groups()
         os.kill(server, signal.SIGUSR1)
         wait_until(lambda: "used up" in log.read_text(), "its last file", 10)
         with socket.create_connection((host, int(port))) as client:
@@ -172,7 +184,9 @@ def test_a_server_that_ran_out_of_file_descriptors_serves_again() -> None:
             wait_until(lambda: "out of file descriptors" in log.read_text(), "its error", 10)
         os.kill(server, signal.SIGUSR2)
         command = ["rosservice", "call", "/answer"]
-        done = subprocess.run(command, env=master.environment, capture_output=True, text=True, timeout=60, check=False)
+        done = subprocess.run(
+            command, env=master.environment, capture_output=True, text=True, timeout=60, check=False
+        )
         assert "success: True" in done.stdout, done.stderr + log.read_text()
         os.kill(server, signal.SIGTERM)
         wait_until(lambda: not group.is_running("server"), "its end", 10)

@@ -13,12 +13,16 @@ from pioneer_node.core.ring import membership, ring_topic
 MEMBERS = ["amcl", "move_base", "pioneer_ros"]
 
 
-def token(period: int, *messages: LockstepMessage, kind: int = LockstepToken.PERIOD) -> LockstepToken:
+def token(
+    period: int, *messages: LockstepMessage, kind: int = LockstepToken.PERIOD
+) -> LockstepToken:
     return LockstepToken(kind, period, period, [], [], list(messages))
 
 
 def place(name: str = "move_base") -> Place:
-    made = Place(Exchange(f"/robot/{name}"), "robot", MEMBERS, name, lambda stamp: times.append(stamp))
+    made = Place(
+        Exchange(f"/robot/{name}"), "robot", MEMBERS, name, lambda stamp: times.append(stamp)
+    )
     times: list[Any] = []
     made.times = times  # type: ignore[attr-defined]
     return made
@@ -38,7 +42,9 @@ def joined(name: str = "move_base") -> Place:
         ("pioneer_ros", "after_move_base", "done"),
     ],
 )
-def test_tokens_come_from_the_member_before_and_go_to_the_one_behind(name: str, inlet: str, outlet: str) -> None:
+def test_tokens_come_from_the_member_before_and_go_to_the_one_behind(
+    name: str, inlet: str, outlet: str
+) -> None:
     made = place(name)
     assert (made.inlet, made.outlet) == (f"/robot/lockstep/{inlet}", f"/robot/lockstep/{outlet}")
     assert made.answers == "/robot/lockstep/done"
@@ -74,7 +80,10 @@ def test_a_period_sets_time_delivers_works_and_replaces_the_members_messages() -
         exchange.note("/cmd", b"new")
 
     made.step = step
-    before = [LockstepMessage("/gazebo", "/scan", b"scan"), LockstepMessage("/robot/move_base", "/cmd", b"old")]
+    before = [
+        LockstepMessage("/gazebo", "/scan", b"scan"),
+        LockstepMessage("/robot/move_base", "/cmd", b"old"),
+    ]
     passed_on = made.take(token(4, *before))
     assert passed_on is not None
     assert seen == [b"scan", b"step"]
@@ -95,7 +104,11 @@ def test_an_answer_names_the_period_and_whether_it_is_at_work() -> None:
     made.take(token(7))
     assert found == [LockstepToken.WORKING]
     answer = made.answer(probe)
-    assert (answer.kind, answer.period, answer.members) == (LockstepToken.FINISHED, 7, ["/robot/move_base"])
+    assert (answer.kind, answer.period, answer.members) == (
+        LockstepToken.FINISHED,
+        7,
+        ["/robot/move_base"],
+    )
 
 
 def test_a_latched_message_reaches_a_topic_that_is_wanted_later_once_a_publisher() -> None:
@@ -114,11 +127,18 @@ def test_of_partners_and_of_streams_connections_bring_nothing() -> None:
     exchange = Exchange("/robot/amcl")
     exchange.partners = ("/robot/move_base",)
     assert not exchange.accepts("/goal", "/robot/move_base", False, bytes)
-    assert not exchange.accepts("/goal", "/aadi1_gateway/robot/move_base", False, bytes), "the gateway's node for it"
+    assert not exchange.accepts("/goal", "/aadi1_gateway/robot/move_base", False, bytes), (
+        "the gateway's node for it"
+    )
     assert exchange.accepts("/goal", "/rviz", False, bytes)
-    assert [exchange.accepts("/map", "/rviz", True, lambda: b"same") for _ in range(2)] == [True, False]
+    assert [exchange.accepts("/map", "/rviz", True, lambda: b"same") for _ in range(2)] == [
+        True,
+        False,
+    ]
     scan = SimpleNamespace(_type="sensor_msgs/LaserScan")
-    assert [is_connected(kind, topic) for kind, topic in ((String, "/a"), (String, "/tf"), (scan, "/a"))] == [
+    assert [
+        is_connected(kind, topic) for kind, topic in ((String, "/a"), (String, "/tf"), (scan, "/a"))
+    ] == [
         True,
         False,
         False,

@@ -39,7 +39,9 @@ def test_a_wrong_fleet_is_named_with_file_robot_and_reason(content: Any, told: s
 def test_files_are_found_beside_the_fleet_file_and_in_packages(tmp_path: Path) -> None:
     (tmp_path / "rover.urdf").write_text("<robot/>")
     fleet = tmp_path / "fleet.yaml"
-    fleet.write_text("robots: [{description: rover.urdf, navigation: package://pioneer_2dnav/package.xml}]")
+    fleet.write_text(
+        "robots: [{description: rover.urdf, navigation: package://pioneer_2dnav/package.xml}]"
+    )
     (robot,) = read_fleet(fleet)
     assert robot.description == str(tmp_path / "rover.urdf")
     assert robot.navigation.endswith("pioneer_2dnav/package.xml")
@@ -67,5 +69,7 @@ def test_a_fleet_file_that_does_not_exist_is_named_in_a_sentence(tmp_path: Path)
 def test_the_shipped_fleet_file_can_be_read() -> None:
     import rospkg
 
-    fleet = read_fleet(Path(rospkg.RosPack().get_path("pioneer_description")) / "config" / "mixed_fleet.yaml")
+    fleet = read_fleet(
+        Path(rospkg.RosPack().get_path("pioneer_description")) / "config" / "mixed_fleet.yaml"
+    )
     assert [robot.name for robot in fleet] == ["pioneer1", "pioneer2", "rover"]

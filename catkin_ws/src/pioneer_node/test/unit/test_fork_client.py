@@ -20,7 +20,9 @@ FORKED = str(Path(__file__).parents[2] / "scripts" / "forked")
 PATIENCE = 60.0
 PARENT = "open(f'/proc/{os.getppid()}/comm').read().strip()"
 # Prints its PID and its parent's name, then waits for the end of its input.
-WAITS = f"import os, sys\nprint(os.getpid(), {PARENT}, flush=True)\nsys.exit(len(sys.stdin.read()))\n"
+WAITS = (
+    f"import os, sys\nprint(os.getpid(), {PARENT}, flush=True)\nsys.exit(len(sys.stdin.read()))\n"
+)
 
 
 def installed(folder: Path, package: str, text: str) -> Path:
@@ -38,7 +40,11 @@ class Machine:
     def __init__(self, folder: Path) -> None:
         self.folder, self.socket = folder, folder / "socket"
         # No locale is set, as in a container: each interpreter then adds one to its environment.
-        others = {name: value for name, value in os.environ.items() if not name.startswith(("LC_", "LANG"))}
+        others = {
+            name: value
+            for name, value in os.environ.items()
+            if not name.startswith(("LC_", "LANG"))
+        }
         self.environment = {**others, "PIONEER_FORK_SOCKET": str(self.socket)}
         main = "from pioneer_node.nodes.computer import main\nraise SystemExit(main())"
         self._computer = installed(folder, "pioneer_node", main)
@@ -52,7 +58,9 @@ class Machine:
         """Creates a program of the workspace and returns its path."""
         return str(installed(self.folder, "programs", text))
 
-    def run(self, *words: str, folder: Path | None = None, **variables: str) -> "subprocess.CompletedProcess[str]":
+    def run(
+        self, *words: str, folder: Path | None = None, **variables: str
+    ) -> "subprocess.CompletedProcess[str]":
         """Runs ``forked`` with these arguments and waits until it exits."""
         return subprocess.run(
             [FORKED, *words],
@@ -115,7 +123,10 @@ def test_program_has_the_arguments_environment_folder_and_streams_of_its_caller(
 
 def test_program_is_found_from_the_folder_of_its_caller(machine: Machine) -> None:
     path = Path(machine.program(f"import os\nprint({PARENT})"))
-    assert machine.run(f"../{path.parent.name}/{path.name}", folder=path.parent).stdout == "fork_server\n"
+    assert (
+        machine.run(f"../{path.parent.name}/{path.name}", folder=path.parent).stdout
+        == "fork_server\n"
+    )
 
 
 @pytest.mark.parametrize(
@@ -160,14 +171,19 @@ def test_program_that_is_interrupted_ends_its_caller_by_the_signal(machine: Mach
         assert "KeyboardInterrupt" in process.stderr.read()
 
 
-@pytest.mark.parametrize("starts", [True, False], ids=["it is passed on", "it ends the caller of a refused program"])
+@pytest.mark.parametrize(
+    "starts", [True, False], ids=["it is passed on", "it ends the caller of a refused program"]
+)
 def test_signal_that_comes_before_the_program_starts(tmp_path: Path, starts: bool) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
         listener.bind(str(tmp_path / "socket"))
         listener.listen()
         listener.settimeout(PATIENCE)
         environment = {**os.environ, "PIONEER_FORK_SOCKET": str(tmp_path / "socket")}
-        with subprocess.Popen([FORKED, "/bin/true"], env=environment) as caller, listener.accept()[0] as line:
+        with (
+            subprocess.Popen([FORKED, "/bin/true"], env=environment) as caller,
+            listener.accept()[0] as line,
+        ):
             line.recv(1 << 16)
             caller.terminate()
             if starts:
@@ -180,7 +196,9 @@ def test_signal_that_comes_before_the_program_starts(tmp_path: Path, starts: boo
 
 
 def test_program_ends_when_its_caller_is_killed(machine: Machine) -> None:
-    with machine.running("import os, signal\nprint(os.getpid(), flush=True)\nsignal.pause()") as process:
+    with machine.running(
+        "import os, signal\nprint(os.getpid(), flush=True)\nsignal.pause()"
+    ) as process:
         program = os.pidfd_open(int(line_of(process)[0]))
         process.kill()
         assert ends(program)
@@ -213,8 +231,13 @@ def test_malformed_sentends_its_connection_only(machine: Machine, sent: bytes) -
 
 
 @pytest.mark.parametrize("variables", [{"PYTHONHASHSEED": "1"}, {"LC_ALL": "C"}, {"TZ": "UTC"}])
-def test_program_is_executed_where_a_fork_would_behave_differently(machine: Machine, variables: dict[str, str]) -> None:
-    done = machine.run(machine.program(f"import os, sys\nprint({PARENT}, sys.stdin.read())\nsys.exit(3)"), **variables)
+def test_program_is_executed_where_a_fork_would_behave_differently(
+    machine: Machine, variables: dict[str, str]
+) -> None:
+    done = machine.run(
+        machine.program(f"import os, sys\nprint({PARENT}, sys.stdin.read())\nsys.exit(3)"),
+        **variables,
+    )
     assert (done.stdout, done.returncode) == (f"{own_name()} of its input\n", 3)
 
 
@@ -228,8 +251,12 @@ def test_program_of_another_folder_is_executed(machine: Machine, tmp_path: Path)
     assert machine.run(str(path)).stdout == f"{own_name()}\n"
 
 
-@pytest.mark.parametrize("left", ["no folder", "plain file", "socket of a computer that has ended", "no variable"])
-def test_program_is_executed_where_no_computer_listens(machine: Machine, tmp_path: Path, left: str) -> None:
+@pytest.mark.parametrize(
+    "left", ["no folder", "plain file", "socket of a computer that has ended", "no variable"]
+)
+def test_program_is_executed_where_no_computer_listens(
+    machine: Machine, tmp_path: Path, left: str
+) -> None:
     path = tmp_path / "socket"
     if left.startswith("socket"):
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
@@ -256,7 +283,10 @@ def test_program_that_cannot_be_run_is_an_error(machine: Machine, path: str, sta
 
 def test_no_program_is_a_usage_error(machine: Machine) -> None:
     done = machine.run()
-    assert (done.returncode, done.stderr) == (2, "usage: forked PROGRAM ARGUMENT …, PROGRAM being a path\n")
+    assert (done.returncode, done.stderr) == (
+        2,
+        "usage: forked PROGRAM ARGUMENT …, PROGRAM being a path\n",
+    )
 
 
 @pytest.mark.parametrize("when", ["before the computer", "while the computer imports"])
@@ -285,7 +315,10 @@ def test_computer_takes_the_place_of_what_an_earlier_one_left(tmp_path: Path) ->
         with machine.start() as computer:
             assert computer.stdout is not None
             assert computer.stdout.readline() == "runs\n"
-            assert machine.run(machine.program(f"import os\nprint({PARENT})")).stdout == "fork_server\n"
+            assert (
+                machine.run(machine.program(f"import os\nprint({PARENT})")).stdout
+                == "fork_server\n"
+            )
             computer.terminate()
         assert machine.socket.is_socket()
 
@@ -318,5 +351,7 @@ def test_without_forks_a_computer_does_not_listen(tmp_path: Path) -> None:
         assert computer.stdout is not None
         assert computer.stdout.readline() == "runs\n"
         assert not machine.socket.exists()
-        assert machine.run(machine.program(f"import os\nprint({PARENT})")).stdout == f"{own_name()}\n"
+        assert (
+            machine.run(machine.program(f"import os\nprint({PARENT})")).stdout == f"{own_name()}\n"
+        )
         computer.terminate()

@@ -32,9 +32,16 @@ def drive(folder: Path, program: str, steps: str) -> str:
     """Runs ``steps`` next to a fork server that starts ``program``; returns all output."""
     script, driver = folder / "program", folder / "driver.py"
     script.write_text(textwrap.dedent(program))
-    driver.write_text(f"PROGRAM, FOLDER = {str(script)!r}, {str(folder)!r}\n{START}{textwrap.dedent(steps)}")
+    driver.write_text(
+        f"PROGRAM, FOLDER = {str(script)!r}, {str(folder)!r}\n{START}{textwrap.dedent(steps)}"
+    )
     done = subprocess.run(
-        [sys.executable, str(driver)], capture_output=True, text=True, timeout=40, env=None, stdin=subprocess.DEVNULL
+        [sys.executable, str(driver)],
+        capture_output=True,
+        text=True,
+        timeout=40,
+        env=None,
+        stdin=subprocess.DEVNULL,
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -84,7 +91,9 @@ def test_program_leads_a_session_and_has_no_files_of_the_server(tmp_path: Path) 
 
 
 def test_program_ends_on_the_signals_of_roslaunch(tmp_path: Path) -> None:
-    program = "import os, select\nopen(os.environ['READY'], 'w').close()\nselect.select([], [], [])\n"
+    program = (
+        "import os, select\nopen(os.environ['READY'], 'w').close()\nselect.select([], [], [])\n"
+    )
     steps = """
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             ready = os.path.join(FOLDER, number.name)
@@ -129,7 +138,9 @@ def test_server_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
     drive(tmp_path, program, steps)
 
 
-def test_a_program_ends_while_its_daemon_thread_still_works_and_runs_its_exit_functions(tmp_path: Path) -> None:
+def test_a_program_ends_while_its_daemon_thread_still_works_and_runs_its_exit_functions(
+    tmp_path: Path,
+) -> None:
     program = """
         import atexit, sys, threading
         def work():

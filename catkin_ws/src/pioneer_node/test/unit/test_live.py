@@ -23,12 +23,23 @@ PARAMETERS = live_parameters(DriveConfig)
 
 
 def test_what_is_not_marked_cannot_change() -> None:
-    assert [each.name for each in PARAMETERS] == ["speed", "samples", "careful", "model", "footprint"]
-    assert accepted(PARAMETERS, {"frame": "map"}) == ({}, ["no parameter frame can be changed here"])
+    assert [each.name for each in PARAMETERS] == [
+        "speed",
+        "samples",
+        "careful",
+        "model",
+        "footprint",
+    ]
+    assert accepted(PARAMETERS, {"frame": "map"}) == (
+        {},
+        ["no parameter frame can be changed here"],
+    )
 
 
 def test_marks_do_not_hinder_a_configuration_from_being_read() -> None:
-    assert config_from_mapping(DriveConfig, {"speed": 1, "footprint": [[0, 1]]}, "node").speed == 1.0
+    assert (
+        config_from_mapping(DriveConfig, {"speed": 1, "footprint": [[0, 1]]}, "node").speed == 1.0
+    )
 
 
 def test_kinds_bounds_and_choices_are_those_of_dynamic_reconfigure() -> None:
@@ -41,7 +52,8 @@ def test_kinds_bounds_and_choices_are_those_of_dynamic_reconfigure() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "set_to"), [("speed", 9.0, 2.0), ("speed", -1.0, 0.0), ("samples", 0, 1), ("samples", 7, 7)]
+    ("name", "value", "set_to"),
+    [("speed", 9.0, 2.0), ("speed", -1.0, 0.0), ("samples", 0, 1), ("samples", 7, 7)],
 )
 def test_values_are_brought_within_their_bounds(name: str, value: float, set_to: float) -> None:
     assert accepted(PARAMETERS, {name: value}) == ({name: set_to}, [])

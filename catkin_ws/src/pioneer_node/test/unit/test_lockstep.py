@@ -43,9 +43,17 @@ def test_a_latched_message_that_a_new_link_brings_again_is_ignored():
         mock.patch.object(exchange.Exchange, "current", exchange.Exchange("/a")),
         mock.patch.object(rospy.topics.Subscriber, "__init__"),
     ):
-        subscriber = exchange._Subscriber("/map", String, lambda message: heard.append(message.data))
+        subscriber = exchange._Subscriber(
+            "/map", String, lambda message: heard.append(message.data)
+        )
         subscriber.resolved_name = "/map"
-        for text, latching in (("one", "1"), ("one", "1"), ("two", "1"), ("three", "0"), ("three", "0")):
+        for text, latching in (
+            ("one", "1"),
+            ("one", "1"),
+            ("two", "1"),
+            ("three", "0"),
+            ("three", "0"),
+        ):
             hear(text, latching)
         hear("two", "1", "/another")
     assert heard == ["one", "two", "three", "three", "two"]

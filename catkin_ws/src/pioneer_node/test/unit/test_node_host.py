@@ -29,7 +29,11 @@ from tcpros.node import Node
 from tcpros.node_context import NodeContext
 from tcpros.reactor import Reactor
 
-COMMAND = (sys.executable, "-c", "from pioneer_node.nodes.node_host import main; raise SystemExit(main())")
+COMMAND = (
+    sys.executable,
+    "-c",
+    "from pioneer_node.nodes.node_host import main; raise SystemExit(main())",
+)
 HOSTED = Path(__file__).parent
 
 
@@ -47,11 +51,15 @@ class Host:
         environment["PYTHONPATH"] = f"{HOSTED}:{environment.get('PYTHONPATH', '')}"
         environment["ROS_NAMESPACE"] = "robot"
         self.output = output
-        self.process = subprocess.Popen([*COMMAND, *words], env=environment, stdout=self.output, stderr=self.output)
+        self.process = subprocess.Popen(
+            [*COMMAND, *words], env=environment, stdout=self.output, stderr=self.output
+        )
         self.client = Client(master.uri, "/tester")
 
     def await_node(self, name: str) -> None:
-        wait_until(lambda: self.answers(f"{name}/switch", "lookupService"), f"{name}'s service", START)
+        wait_until(
+            lambda: self.answers(f"{name}/switch", "lookupService"), f"{name}'s service", START
+        )
 
     def answers(self, name: str, method: str = "lookupNode") -> bool:
         try:
@@ -85,7 +93,9 @@ class Peer:
 
     def __init__(self, uri: str) -> None:
         self.reactor = Reactor(logging.getLogger("peer"))
-        context = NodeContext(self.reactor, uri, "127.0.0.1", "127.0.0.1", logging.getLogger("peer"))
+        context = NodeContext(
+            self.reactor, uri, "127.0.0.1", "127.0.0.1", logging.getLogger("peer")
+        )
         self.node = Node(context, "/peer", lambda _reason: None)
         self.heard: list[Any] = []
         self.reactor.start()
@@ -99,16 +109,26 @@ class Peer:
     def hear(self, topic: str, kind: Any) -> None:
         self.call(
             lambda: self.node.subscribe(
-                topic, kind, lambda data, sender: self.heard.append((sender.name, kind().deserialize(bytes(data))))
+                topic,
+                kind,
+                lambda data, sender: self.heard.append(
+                    (sender.name, kind().deserialize(bytes(data)))
+                ),
             )
         )
 
     def publisher(self, topic: str, kind: Any) -> Callable[[bytes], None]:
         publication = self.call(lambda: self.node.publish(topic, kind))
-        return lambda body: self.reactor.call(lambda: publication.send(struct.pack("<I", len(body)) + body))
+        return lambda body: self.reactor.call(
+            lambda: publication.send(struct.pack("<I", len(body)) + body)
+        )
 
     def texts(self, sender: str) -> list[str]:
-        return [message.data for name, message in self.heard if name == sender and isinstance(message, String)]
+        return [
+            message.data
+            for name, message in self.heard
+            if name == sender and isinstance(message, String)
+        ]
 
 
 @pytest.fixture
@@ -119,11 +139,15 @@ def peer(master: Master) -> Iterator[Peer]:
     made.reactor.join(START)
 
 
-def test_a_node_made_long_before_its_loop_runs_is_registered(master: Master, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_node_made_long_before_its_loop_runs_is_registered(
+    master: Master, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(node_context, "PATIENCE", 0.1)
     logger, ended = logging.getLogger("early"), list[str]()
     reactor = Reactor(logger)
-    node = Node(NodeContext(reactor, master.uri, "127.0.0.1", "127.0.0.1", logger), "/early", ended.append)
+    node = Node(
+        NodeContext(reactor, master.uri, "127.0.0.1", "127.0.0.1", logger), "/early", ended.append
+    )
     node.publish("/early/said", String)
     overdue = time.monotonic() + 0.2
     wait_until(lambda: time.monotonic() > overdue, "the end of what a call may take", START)
@@ -138,7 +162,9 @@ def word(text: str) -> bytes:
     return struct.pack("<I", len(text)) + text.encode()
 
 
-def test_two_nodes_of_one_process_are_nodes_for_all_others(host: Callable[..., Host], master: Master) -> None:
+def test_two_nodes_of_one_process_are_nodes_for_all_others(
+    host: Callable[..., Host], master: Master
+) -> None:
     master.set_param("/robot/one/gain", 2)
     both = host("one=hosted", "two=hosted")
     for name in ("one", "two"):
@@ -148,9 +174,14 @@ def test_two_nodes_of_one_process_are_nodes_for_all_others(host: Callable[..., H
             assert node.getName("/tester")[2] == f"/robot/{name}"
             published = dict(node.getPublications("/tester")[2])
             assert node.getPid("/tester")[2] == both.process.pid
-        assert published == {"/rosout": "rosgraph_msgs/Log", f"/robot/{name}/said": "std_msgs/String"}
+        assert published == {
+            "/rosout": "rosgraph_msgs/Log",
+            f"/robot/{name}/said": "std_msgs/String",
+        }
     _, _, services = master.system_state()
-    assert {f"/robot/one/{name}" for name in ("get_loggers", "set_logger_level", "switch")} <= services.keys()
+    assert {
+        f"/robot/one/{name}" for name in ("get_loggers", "set_logger_level", "switch")
+    } <= services.keys()
     assert "made with gain 2" in both.text()
     assert "made with gain 1" in both.text()
     both.process.send_signal(signal.SIGINT)
@@ -195,7 +226,9 @@ def test_messages_services_parameters_and_time_reach_a_node(
     assert all(count > 0 for name, rows in heard if name == "/elsewhere" for _, count, *_ in rows)
 
 
-def test_a_service_that_waits_keeps_nobody_else_waiting_and_answers_in_order(host: Callable[..., Host]) -> None:
+def test_a_service_that_waits_keeps_nobody_else_waiting_and_answers_in_order(
+    host: Callable[..., Host],
+) -> None:
     one = host("one=hosted")
     one.await_node("/robot/one")
     wait_until(lambda: one.answers("/robot/one/gate", "lookupService"), "the gate", START)
@@ -203,7 +236,9 @@ def test_a_service_that_waits_keeps_nobody_else_waiting_and_answers_in_order(hos
 
     def ask() -> None:
         with one.client.service("/robot/one/gate", SetBool._md5sum, persistent="1") as connection:
-            answers.extend(connection.call(SetBool, data=data).message for data in (True, False, True))
+            answers.extend(
+                connection.call(SetBool, data=data).message for data in (True, False, True)
+            )
 
     waiting = threading.Thread(target=ask)
     waiting.start()
@@ -213,7 +248,9 @@ def test_a_service_that_waits_keeps_nobody_else_waiting_and_answers_in_order(hos
     assert answers == ["passed"] * 3
 
 
-def test_a_malformed_message_and_a_failing_callback_cost_themselves_only(host: Callable[..., Host], peer: Peer) -> None:
+def test_a_malformed_message_and_a_failing_callback_cost_themselves_only(
+    host: Callable[..., Host], peer: Peer
+) -> None:
     one = host("one=hosted")
     one.await_node("/robot/one")
     peer.hear("/robot/one/said", String)
@@ -232,11 +269,15 @@ def test_a_malformed_message_and_a_failing_callback_cost_themselves_only(host: C
     wait_until(lambda: "RuntimeError: as asked" in one.text(), "the fault", START)
     assert one.text().count("dropped an invalid message on /robot/words from /peer") == 1
     wait_until(
-        lambda: any("bad callback" in one.msg for _, one in peer.heard if isinstance(one, Log)), "/rosout", START
+        lambda: any("bad callback" in one.msg for _, one in peer.heard if isinstance(one, Log)),
+        "/rosout",
+        START,
     )
     assert {one.name for _, one in peer.heard if isinstance(one, Log)} == {"/robot/one"}
     before = len(peer.texts("/robot/one"))
-    wait_until(lambda: echoed() and len(peer.texts("/robot/one")) > before, "an echo after it", START)
+    wait_until(
+        lambda: echoed() and len(peer.texts("/robot/one")) > before, "an echo after it", START
+    )
 
 
 def full_disk() -> IO[str]:
@@ -267,7 +308,9 @@ def test_lines_that_cannot_be_written_end_no_process(
     assert one.process.poll() is None
 
 
-def test_a_node_that_is_asked_to_end_leaves_the_others_and_the_last_ends_the_process(host: Callable[..., Host]) -> None:
+def test_a_node_that_is_asked_to_end_leaves_the_others_and_the_last_ends_the_process(
+    host: Callable[..., Host],
+) -> None:
     both = host("one=hosted", "two=hosted")
     for name in ("/robot/one", "/robot/two"):
         both.await_node(name)
@@ -277,13 +320,17 @@ def test_a_node_that_is_asked_to_end_leaves_the_others_and_the_last_ends_the_pro
             assert node.shutdown("/tester", "enough")[0] == 1
 
     end("/robot/one")
-    wait_until(lambda: not both.answers("/robot/one/switch", "lookupService"), "the end of one", START)
+    wait_until(
+        lambda: not both.answers("/robot/one/switch", "lookupService"), "the end of one", START
+    )
     assert both.client.call("/robot/two/switch", SetBool, data=True).success
     end("/robot/two")
     assert both.process.wait(START) == 0
 
 
-def test_a_bad_parameter_ends_the_process_with_one_line(host: Callable[..., Host], master: Master) -> None:
+def test_a_bad_parameter_ends_the_process_with_one_line(
+    host: Callable[..., Host], master: Master
+) -> None:
     master.set_param("/robot/two/gain", "much")
     both = host("one=hosted", "two=hosted")
     assert both.process.wait(START) == 1
@@ -304,7 +351,9 @@ def test_lines_have_rospys_form(host: Callable[..., Host], tmp_path: Path) -> No
 
 @pytest.mark.parametrize("words", [(), ("hosted",), ("=hosted",), ("one=",)])
 def test_a_wrong_command_line_is_a_usage_error(words: tuple[str, ...]) -> None:
-    done = subprocess.run([*COMMAND, *words], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        [*COMMAND, *words], capture_output=True, text=True, timeout=60, check=False
+    )
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "usage: node_host NAME=MODULE" in done.stderr
 
@@ -314,12 +363,22 @@ def test_a_node_waits_for_its_master(tmp_path: Path, comes: bool) -> None:
     ports = PortReservation()
     port = ports.take(15811)
     environment = {**os.environ, "PYTHONPATH": f"{HOSTED}:{os.environ.get('PYTHONPATH', '')}"}
-    environment |= {"ROS_MASTER_URI": f"http://127.0.0.1:{port}/", "ROS_IP": "127.0.0.1", "ROS_HOME": str(tmp_path)}
+    environment |= {
+        "ROS_MASTER_URI": f"http://127.0.0.1:{port}/",
+        "ROS_IP": "127.0.0.1",
+        "ROS_HOME": str(tmp_path),
+    }
     with (
         (tmp_path / "output").open("w+") as output,
-        subprocess.Popen([*COMMAND, "one=hosted"], env=environment, stdout=output, stderr=output) as process,
+        subprocess.Popen(
+            [*COMMAND, "one=hosted"], env=environment, stdout=output, stderr=output
+        ) as process,
     ):
-        wait_until(lambda: "waiting for the ROS master" in (tmp_path / "output").read_text(), "the line", START)
+        wait_until(
+            lambda: "waiting for the ROS master" in (tmp_path / "output").read_text(),
+            "the line",
+            START,
+        )
         ports.release()
         if comes:
             with Master(port) as late:
@@ -336,10 +395,18 @@ def test_a_node_waits_for_its_master(tmp_path: Path, comes: bool) -> None:
 def test_a_handle_resolves_names_as_rospy_does(master: Master, peer: Peer) -> None:
     del peer
     reactor = Reactor(logging.getLogger("handle"))
-    context = NodeContext(reactor, master.uri, "127.0.0.1", "127.0.0.1", logging.getLogger("handle"))
+    context = NodeContext(
+        reactor, master.uri, "127.0.0.1", "127.0.0.1", logging.getLogger("handle")
+    )
     handle = NodeHandle(context, "/a/node", {"/a/old": "/b/new"}, lambda _reason: None)
     names = ("topic", "/topic", "~topic", "old", "/a/old")
-    assert [handle.resolved(name) for name in names] == ["/a/topic", "/topic", "/a/node/topic", "/b/new", "/b/new"]
+    assert [handle.resolved(name) for name in names] == [
+        "/a/topic",
+        "/topic",
+        "/a/node/topic",
+        "/b/new",
+        "/b/new",
+    ]
     master.set_param("/a/tf_prefix", "robot")
     assert handle.found_parameter("tf_prefix", "") == "robot"
     assert handle.found_parameter("none_such", 7) == 7

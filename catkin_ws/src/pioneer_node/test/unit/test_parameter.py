@@ -29,20 +29,30 @@ def test_an_optional_parameter_takes_a_value() -> None:
     assert config_from_mapping(LaserConfig, {"limit": 3}, "amcl").limit == 3.0
 
 
-def test_an_unknown_parameter_is_a_warning_once_with_the_nearest_name(caplog: pytest.LogCaptureFixture) -> None:
+def test_an_unknown_parameter_is_a_warning_once_with_the_nearest_name(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     for _ in range(2):
         assert config_from_mapping(LaserConfig, {"max_rnage": 8.0}, "warned") == LaserConfig()
     (record,) = caplog.records
-    assert record.getMessage() == ("warned: unknown parameter ~max_rnage; did you mean ~max_range? It has no effect.")
+    assert record.getMessage() == (
+        "warned: unknown parameter ~max_rnage; did you mean ~max_range? It has no effect."
+    )
 
 
-def test_an_unknown_parameter_is_refused_where_that_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unknown_parameter_is_refused_where_that_is_asked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(UNKNOWN, "strict", True)
-    with pytest.raises(ParameterError, match="unknown parameter ~max_rnage; did you mean ~max_range"):
+    with pytest.raises(
+        ParameterError, match="unknown parameter ~max_rnage; did you mean ~max_range"
+    ):
         config_from_mapping(LaserConfig, {"max_rnage": 8.0}, "amcl")
 
 
-@pytest.mark.parametrize("values", [{"beams": "few"}, {"beams": True}, {"frame": 3}, {"max_range": "far"}])
+@pytest.mark.parametrize(
+    "values", [{"beams": "few"}, {"beams": True}, {"frame": 3}, {"max_range": "far"}]
+)
 def test_a_value_of_the_wrong_type_is_refused(values: dict[str, object]) -> None:
     with pytest.raises(ParameterError, match="must be"):
         config_from_mapping(LaserConfig, values, "amcl")
@@ -59,7 +69,9 @@ def test_a_whole_number_is_taken_as_roscpp_takes_it(
     assert (f"taken as {beams}" in caplog.text) == warned
 
 
-@pytest.mark.parametrize(("value", "flag"), [(1, True), (0, False), ("true", True), ("False", False), (0.0, False)])
+@pytest.mark.parametrize(
+    ("value", "flag"), [(1, True), (0, False), ("true", True), ("False", False), (0.0, False)]
+)
 def test_a_flag_may_be_written_as_a_number_or_in_quotes(
     value: object, flag: bool, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -79,7 +91,10 @@ def test_a_number_that_is_not_finite_is_refused(value: float) -> None:
 
 
 def test_ignored_names_belong_to_somebody_else() -> None:
-    assert config_from_mapping(LaserConfig, {"costmap": {}}, "move_base", ignored={"costmap"}) == LaserConfig()
+    assert (
+        config_from_mapping(LaserConfig, {"costmap": {}}, "move_base", ignored={"costmap"})
+        == LaserConfig()
+    )
 
 
 def test_frames_resolve_as_tf_does() -> None:

@@ -23,7 +23,11 @@ from pioneer_node.nodes.patch import import_without_numpy
 import_without_numpy("rospy")
 assert sys.modules["numpy"] is numpy
 """
-NODES = ["rocon_gateway.nodes.gateway", "rocon_hub.hub", "simple_navigation_goals.map_navigation_client"]
+NODES = [
+    "rocon_gateway.nodes.gateway",
+    "rocon_hub.hub",
+    "simple_navigation_goals.map_navigation_client",
+]
 
 
 @pytest.mark.parametrize("code", [LATER, BEFORE], ids=["numpy after it", "numpy before it"])
@@ -94,7 +98,9 @@ def test_master_does_its_work_at_once_and_in_order() -> None:
 
     With two masters in one process, their workers used to take each other's notifications, and a task waited up to 1 s.
     """
-    done = subprocess.run([sys.executable, "-c", MASTER], check=True, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", MASTER], check=True, capture_output=True, text=True
+    )
     assert float(done.stdout) < 3.0
 
 
@@ -144,7 +150,9 @@ assert not serving.is_alive()
 
 def test_thread_that_serves_requests_ends_at_shutdown() -> None:
     """With rospy's own shutdown, the thread keeps calling accept() on the closed socket in a busy loop."""
-    done = subprocess.run([sys.executable, "-c", SERVING], check=False, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, "-c", SERVING], check=False, capture_output=True, text=True, timeout=60
+    )
     assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -187,7 +195,9 @@ def test_launchers_share_no_setuptools() -> None:
         "import sys; from pioneer_node.nodes import launcher; launcher._import_shared()\n"
         "assert 'rosclean' in sys.modules; sys.exit('setuptools' in sys.modules)"
     )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == (sys.version_info >= (3, 12))
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == (
+        sys.version_info >= (3, 12)
+    )
 
 
 PACKAGES = """

@@ -77,7 +77,9 @@ def test_a_method_that_fails_rings_all_the_same(sleeper: subprocess.Popen[bytes]
     assert monitor.waited < LONGEST
 
 
-def test_a_process_that_is_not_started_or_is_to_start_again_is_looked_at_as_often_as_before() -> None:
+def test_a_process_that_is_not_started_or_is_to_start_again_is_looked_at_as_often_as_before() -> (
+    None
+):
     ended = subprocess.Popen(["true"])
     ended.wait()
     for popen in (None, ended):

@@ -20,6 +20,11 @@ def test_interpreter_is_what_the_first_line_names(line: bytes, expected: str) ->
 
 def test_only_variables_that_an_interpreter_reads_at_its_start_count() -> None:
     ours = {"PATH": "/bin", "PYTHONPATH": "/a", "LC_ALL": "C", "ROS_NAMESPACE": "/x"}
-    assert early_differences(ours, {**ours, "PATH": "/sbin", "ROS_NAMESPACE": "/y", "NEW": "1"}) == []
-    assert early_differences(ours, {**ours, "PYTHONPATH": "/b", "LD_PRELOAD": "x.so"}) == ["LD_PRELOAD", "PYTHONPATH"]
+    assert (
+        early_differences(ours, {**ours, "PATH": "/sbin", "ROS_NAMESPACE": "/y", "NEW": "1"}) == []
+    )
+    assert early_differences(ours, {**ours, "PYTHONPATH": "/b", "LD_PRELOAD": "x.so"}) == [
+        "LD_PRELOAD",
+        "PYTHONPATH",
+    ]
     assert early_differences(ours, {"PATH": "/bin", "PYTHONPATH": "/a"}) == ["LC_ALL"]

@@ -15,7 +15,9 @@ def lines(caplog: pytest.LogCaptureFixture) -> Callable[[], list[str]]:
     return lambda: [f"{one.levelname.lower()}: {one.getMessage()}" for one in caplog.records]
 
 
-def test_a_warning_repeats_once_a_period_and_its_end_is_one_line(lines: Callable[[], list[str]]) -> None:
+def test_a_warning_repeats_once_a_period_and_its_end_is_one_line(
+    lines: Callable[[], list[str]],
+) -> None:
     warning = StandingWarning("scans are used again", period=0.0)
     warning.end()
     assert lines() == [], "nothing was wrong"
@@ -23,10 +25,16 @@ def test_a_warning_repeats_once_a_period_and_its_end_is_one_line(lines: Callable
     warning.warn("no transform")
     warning.end()
     warning.end()
-    assert lines() == ["warning: no transform", "warning: no transform", "info: scans are used again"]
+    assert lines() == [
+        "warning: no transform",
+        "warning: no transform",
+        "info: scans are used again",
+    ]
 
 
-def test_a_condition_that_flickers_logs_one_pair_of_lines_a_period(lines: Callable[[], list[str]]) -> None:
+def test_a_condition_that_flickers_logs_one_pair_of_lines_a_period(
+    lines: Callable[[], list[str]],
+) -> None:
     warning = StandingWarning("scans are used again", period=60.0)
     for _ in range(5):
         warning.warn("no transform")

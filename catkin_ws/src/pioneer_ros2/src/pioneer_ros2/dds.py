@@ -10,7 +10,15 @@ from typing import Any
 
 from cyclonedds._clayer import ddspy_take, ddspy_write
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
-from cyclonedds.core import DDSException, InstanceState, Listener, Policy, Qos, SampleState, ViewState
+from cyclonedds.core import (
+    DDSException,
+    InstanceState,
+    Listener,
+    Policy,
+    Qos,
+    SampleState,
+    ViewState,
+)
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import IdlStruct, make_idl_struct, types
 from cyclonedds.pub import DataWriter
@@ -30,7 +38,11 @@ _BASES: dict[str, Any] = {
     "char": types.uint8,
     "octet": types.uint8,
     "string": str,
-    **{f"{sign}int{bits}": getattr(types, f"{sign}int{bits}") for sign in ("", "u") for bits in (8, 16, 32, 64)},
+    **{
+        f"{sign}int{bits}": getattr(types, f"{sign}int{bits}")
+        for sign in ("", "u")
+        for bits in (8, 16, 32, 64)
+    },
     "float32": types.float32,
     "float64": types.float64,
 }
@@ -61,7 +73,10 @@ class SampleTypes:
 
     def new_struct(self, type_name: str) -> type[IdlStruct]:
         """Returns another struct of the type, for one topic."""
-        members = {name: self._member(definition) for name, definition in self._messages.fields(ros2_type(type_name))}
+        members = {
+            name: self._member(definition)
+            for name, definition in self._messages.fields(ros2_type(type_name))
+        }
         return make_idl_struct(type_name.split("/")[1], dds_type(type_name), members)
 
     def _member(self, definition: Any) -> Any:
@@ -87,7 +102,9 @@ def configuration(environment: Mapping[str, str]) -> str | None:
     if environment.get("CYCLONEDDS_URI"):
         return None
     reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper()
-    if environment.get("ROS_LOCALHOST_ONLY") == "1" or (not reach and environment.get("ROS_LOCALHOST_ONLY") != "0"):
+    if environment.get("ROS_LOCALHOST_ONLY") == "1" or (
+        not reach and environment.get("ROS_LOCALHOST_ONLY") != "0"
+    ):
         reach = "LOCALHOST"
     peers = [peer for peer in environment.get("ROS_STATIC_PEERS", "").split(";") if peer]
     if reach in ("", "SUBNET", "SYSTEM_DEFAULT") and not peers:
@@ -116,7 +133,10 @@ def _policies(qos: rule.Qos, converter: Converter) -> Qos:
     if qos is rule.Qos.LATCHED:
         kept = (Policy.Durability.TransientLocal, Policy.History.KeepLast(1))
     else:
-        kept = (Policy.Durability.Volatile, Policy.History.KeepLast(1 if qos is rule.Qos.SENSOR else _DEPTH))
+        kept = (
+            Policy.Durability.Volatile,
+            Policy.History.KeepLast(1 if qos is rule.Qos.SENSOR else _DEPTH),
+        )
     return Qos(Policy.Reliability.Reliable(duration(seconds=_LONGEST_WAIT)), *kept, hashed)
 
 
@@ -132,7 +152,9 @@ def _requested(qos: rule.Qos, converter: Converter) -> Qos:
 class Writer:
     """Offers one topic in ROS 2."""
 
-    def __init__(self, participant: "Participant", name: str, converter: Converter, qos: rule.Qos) -> None:
+    def __init__(
+        self, participant: "Participant", name: str, converter: Converter, qos: rule.Qos
+    ) -> None:
         self.converter = converter
         self.lost = 0  #: samples that were dropped, because a reader's buffers stayed full
         self._writer = DataWriter(
@@ -226,7 +248,9 @@ class Participant:
         DDSException: there is no network, or the configuration cannot be read.
     """
 
-    def __init__(self, number: int, node: str, messages: MessageTypes, changed: Callable[[], None]) -> None:
+    def __init__(
+        self, number: int, node: str, messages: MessageTypes, changed: Callable[[], None]
+    ) -> None:
         self.changed = changed
         self._samples = SampleTypes(messages)
         self._node = node
@@ -290,7 +314,9 @@ class Participant:
             reader_gid_seq=[gid(data=list(each)) for each in readers],
             writer_gid_seq=[gid(data=list(each)) for each in writers],
         )
-        self._graph.write(graph(gid=gid(data=list(self.entity.guid.bytes)), node_entities_info_seq=[info]))
+        self._graph.write(
+            graph(gid=gid(data=list(self.entity.guid.bytes)), node_entities_info_seq=[info])
+        )
 
     def close(self) -> None:
         """Leaves the domain, with all its readers and writers, so that peers need not wait for a time-out."""

@@ -28,7 +28,9 @@ class Converter:
     type_hash: str  #: RIHS01 hash of the type in ROS 2
     to_cdr: Bytes  #: from ROS 1's encoding to ROS 2's, with its header of four bytes
     to_ros1: Bytes  #: the other way
-    only_ros1: tuple[str, ...] = field(default=())  #: fields that ROS 2 does not have, other than ``Header.seq``
+    only_ros1: tuple[str, ...] = field(
+        default=()
+    )  #: fields that ROS 2 does not have, other than ``Header.seq``
     only_ros2: tuple[str, ...] = field(default=())  #: fields that ROS 1 does not have
 
 
@@ -89,15 +91,23 @@ class MessageTypes:
         if name in self._ros1.fielddefs and name in self._ros2.fielddefs:
             return
         if not definition and name not in self._ros1.fielddefs:
-            raise TypeUnknownError(f"there is no definition of {type_name} yet: no ROS 1 node has sent one")
+            raise TypeUnknownError(
+                f"there is no definition of {type_name} yet: no ROS 1 node has sent one"
+            )
         try:
             if name not in self._ros1.fielddefs:
                 types = get_types_from_msg(definition, name)
-                self._ros1.register({each: types[each] for each in types if each not in self._ros1.fielddefs})
+                self._ros1.register(
+                    {each: types[each] for each in types if each not in self._ros1.fielddefs}
+                )
             needed = {each: self._ros1.fielddefs[each] for each in _parts(self._ros1, name)}
-            self._ros2.register({each: needed[each] for each in needed if each not in self._ros2.fielddefs})
+            self._ros2.register(
+                {each: needed[each] for each in needed if each not in self._ros2.fielddefs}
+            )
         except (TypesysError, KeyError, ValueError) as error:
-            raise TypeUnknownError(f"the definition of {type_name} cannot be read: {error}") from None
+            raise TypeUnknownError(
+                f"the definition of {type_name} cannot be read: {error}"
+            ) from None
 
     def _object_to_cdr(self, message: bytes, name: str) -> bytes:
         value = self._ros1.deserialize_ros1(message, name)

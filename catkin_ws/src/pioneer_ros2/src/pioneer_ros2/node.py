@@ -69,7 +69,9 @@ class DoorNode:
         self._master = rosgraph.Master(rospy.get_name())
         self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=1)
         entry.on_shutdown(self._wake.set)
-        rospy.loginfo("ROS 2 domain %d is open: rules of %d topic patterns", domain, _count(self._rules))
+        rospy.loginfo(
+            "ROS 2 domain %d is open: rules of %d topic patterns", domain, _count(self._rules)
+        )
 
     def spin(self) -> None:
         """Keeps the streams as the rules and both sides need them, until shutdown."""
@@ -94,8 +96,12 @@ class DoorNode:
             rospy.logwarn_throttle(30.0, f"the ROS 1 master does not answer: {problem}")
             return
         own = rospy.get_name()
-        published = {topic for topic, nodes in publishers if set(nodes) - {own} and topic not in _OWN_TOPICS}
-        subscribed = {topic for topic, nodes in subscribers if set(nodes) - {own} and topic not in _OWN_TOPICS}
+        published = {
+            topic for topic, nodes in publishers if set(nodes) - {own} and topic not in _OWN_TOPICS
+        }
+        subscribed = {
+            topic for topic, nodes in subscribers if set(nodes) - {own} and topic not in _OWN_TOPICS
+        }
         self._keep_exports(published, types)
         self._keep_imports(subscribed)
         for stream in self._streams():
@@ -103,7 +109,11 @@ class DoorNode:
         self._announce()
 
     def _keep_exports(self, published: set[str], types: dict[str, str]) -> None:
-        robots = {topic.split("/")[1] for topic in published if topic.endswith("/odom") and topic.count("/") == 2}
+        robots = {
+            topic.split("/")[1]
+            for topic in published
+            if topic.endswith("/odom") and topic.count("/") == 2
+        }
         wanted = {export.name: export for export in exports(self._rules, published, robots)}
         for name in self._exports.keys() - wanted.keys():
             self._exports.pop(name).close()
@@ -170,12 +180,18 @@ class DoorNode:
         report.header.stamp = rospy.Time.now()
         for name, export in sorted(self._exports.items()):
             state = "active" if export.is_subscribed else "no reader in ROS 2"
-            report.status.append(_status(f"{export.export.source} to ROS 2 as {name}", state, export))
+            report.status.append(
+                _status(f"{export.export.source} to ROS 2 as {name}", state, export)
+            )
         for (name, _), stream in sorted(self._imports.items()):
             state = "active" if stream.is_published else "no publisher in ROS 2"
-            report.status.append(_status(f"{name} from ROS 2 as {stream.wanted.target}", state, stream))
+            report.status.append(
+                _status(f"{name} from ROS 2 as {stream.wanted.target}", state, stream)
+            )
         for name, text in sorted(self._problems.items()):
-            report.status.append(DiagnosticStatus(DiagnosticStatus.WARN, f"ros2_door: {name}", text, "", []))
+            report.status.append(
+                DiagnosticStatus(DiagnosticStatus.WARN, f"ros2_door: {name}", text, "", [])
+            )
         self._diagnostics.publish(report)
 
 
@@ -228,7 +244,11 @@ def _rules_from_file(name: str) -> Rules:
     Raises:
         RuleError: the file cannot be read, or a rule in it; the message names file and rule.
     """
-    path = Path(name) if name else Path(rospkg.RosPack().get_path("pioneer_ros2"), "config", "fleet.yaml")
+    path = (
+        Path(name)
+        if name
+        else Path(rospkg.RosPack().get_path("pioneer_ros2"), "config", "fleet.yaml")
+    )
     try:
         return rules_from_mapping(yaml.safe_load(path.read_text()))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as problem:

@@ -34,7 +34,9 @@ class Qos(enum.Enum):
 
     SENSOR = "sensor"  #: the newest few messages; nothing waits for a slow reader
     RELIABLE = "reliable"  #: every message, as long as the reader keeps up
-    LATCHED = "latched"  #: reliable, and the newest message for readers that come later (transient local)
+    LATCHED = (
+        "latched"  #: reliable, and the newest message for readers that come later (transient local)
+    )
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,9 @@ def rules_from_mapping(content: Any) -> Rules:
     for name in content:
         if name not in ("out", "in"):
             raise RuleError(f"unknown section '{name}'; there are 'out' and 'in'")
-    out = [_rule(OutRule, entry, f"out, rule {number}") for number, entry in _entries(content, "out")]
+    out = [
+        _rule(OutRule, entry, f"out, rule {number}") for number, entry in _entries(content, "out")
+    ]
     into = [_rule(InRule, entry, f"in, rule {number}") for number, entry in _entries(content, "in")]
     return Rules(tuple(out), tuple(into))
 
@@ -176,7 +180,9 @@ def _rule(kind: Any, entry: Any, where: str) -> Any:
     if "rate" in values:
         values["rate"] = _rate(values["rate"], where)
     if not isinstance(values.get("needs_subscriber", True), bool):
-        raise RuleError(f"{where}: needs_subscriber must be true or false, not {values['needs_subscriber']!r}")
+        raise RuleError(
+            f"{where}: needs_subscriber must be true or false, not {values['needs_subscriber']!r}"
+        )
     for name in ("ros2", "ros1"):
         if not isinstance(values.get(name, ""), str):
             raise RuleError(f"{where}: '{name}' must be text, not {values[name]!r}")
@@ -188,7 +194,9 @@ def _check_pattern(pattern: str, where: str) -> None:
     try:
         re.compile(pattern)
     except re.error as error:
-        raise RuleError(f"{where}: topic {pattern!r} is not a regular expression: {error}") from None
+        raise RuleError(
+            f"{where}: topic {pattern!r} is not a regular expression: {error}"
+        ) from None
 
 
 def _check_template(pattern: str, template: str, where: str) -> None:
@@ -203,7 +211,9 @@ def _qos(value: Any, where: str) -> Qos:
     try:
         return Qos(value)
     except ValueError:
-        raise RuleError(f"{where}: qos must be one of {', '.join(qos.value for qos in Qos)}, not {value!r}") from None
+        raise RuleError(
+            f"{where}: qos must be one of {', '.join(qos.value for qos in Qos)}, not {value!r}"
+        ) from None
 
 
 def _rate(value: Any, where: str) -> float:

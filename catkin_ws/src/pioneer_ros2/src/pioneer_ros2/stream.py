@@ -83,7 +83,11 @@ class ExportStream:
         self.counter = Counter()
         self.writer = writer
         self._subscriber: rospy.Subscriber | None = None
-        self._statics = StaticFrames() if export.qos is Qos.LATCHED and writer.converter.type_name == TF else None
+        self._statics = (
+            StaticFrames()
+            if export.qos is Qos.LATCHED and writer.converter.type_name == TF
+            else None
+        )
         self._period = 1.0 / export.rate if export.rate else 0.0
         self._due = 0.0
         self._lock = threading.Lock()
@@ -170,7 +174,9 @@ class ImportStream:
     def update(self) -> None:
         """Advertises or withdraws the topic in ROS 1, as there are writers in ROS 2."""
         if self.reader.writers and self._publisher is None:
-            self._publisher = rospy.Publisher(self.wanted.target, self._raw, queue_size=_QUEUE, tcp_nodelay=True)
+            self._publisher = rospy.Publisher(
+                self.wanted.target, self._raw, queue_size=_QUEUE, tcp_nodelay=True
+            )
         elif not self.reader.writers and self._publisher is not None:
             publisher = self._publisher
             self._publisher = None

@@ -69,11 +69,18 @@ def main() -> int:
     number, name, qos = sys.argv[1:]
     kept = Domain(int(number), configuration({}))
     participant = DomainParticipant(int(number))
-    durability = Policy.Durability.TransientLocal if qos == "latched" else Policy.Durability.Volatile
-    policies = Qos(Policy.Reliability.Reliable(duration(seconds=1)), durability, Policy.History.KeepLast(1))
+    durability = (
+        Policy.Durability.TransientLocal if qos == "latched" else Policy.Durability.Volatile
+    )
+    policies = Qos(
+        Policy.Reliability.Reliable(duration(seconds=1)), durability, Policy.History.KeepLast(1)
+    )
     reader = DataReader(participant, Topic(participant, f"rt{name}", TFMessage), qos=policies)
     message = reader.take_one(timeout=duration(seconds=LIMIT))
-    frames = [[each.header.frame_id, each.child_frame_id, each.transform.translation.x] for each in message.transforms]
+    frames = [
+        [each.header.frame_id, each.child_frame_id, each.transform.translation.x]
+        for each in message.transforms
+    ]
     sys.stdout.write(json.dumps(frames))
     del kept
     return 0

@@ -26,10 +26,14 @@ class Peer(Node):
         self.create_subscription(Clock, "/clock", self.on_clock, qos_profile_sensor_data)
         self.create_subscription(OccupancyGrid, "/map", self.on_map, LATCHED)
         for name in ("pioneer1", "pioneer2"):
-            self.create_subscription(LaserScan, f"/{name}/base_scan", self.scan_of(name), qos_profile_sensor_data)
+            self.create_subscription(
+                LaserScan, f"/{name}/base_scan", self.scan_of(name), qos_profile_sensor_data
+            )
             self.create_subscription(Odometry, f"/{name}/odom", self.odometry_of(name), 10)
         self.stamped = stamped
-        self.velocity = self.create_publisher(TwistStamped if stamped else Twist, "/pioneer1/cmd_vel", 10)
+        self.velocity = self.create_publisher(
+            TwistStamped if stamped else Twist, "/pioneer1/cmd_vel", 10
+        )
         self.goal = self.create_publisher(PoseStamped, "/pioneer2/goal_pose", 10)
         self.create_timer(PERIOD, self.send)
 
@@ -40,10 +44,14 @@ class Peer(Node):
         received("/map", list(message.data))
 
     def scan_of(self, name):
-        return lambda message: received(f"/{name}/base_scan", [*message.ranges, message.header.frame_id])
+        return lambda message: received(
+            f"/{name}/base_scan", [*message.ranges, message.header.frame_id]
+        )
 
     def odometry_of(self, name):
-        return lambda message: received(f"/{name}/odom", [message.pose.pose.position.x, message.child_frame_id])
+        return lambda message: received(
+            f"/{name}/odom", [message.pose.pose.position.x, message.child_frame_id]
+        )
 
     def send(self):
         message = TwistStamped() if self.stamped else Twist()

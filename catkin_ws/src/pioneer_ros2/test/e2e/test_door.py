@@ -22,7 +22,9 @@ PEER = ROOT / ".setup" / "ros2-peer" / "bin" / "python3"
 CROSSES = 20.0
 """Time within which something crosses once both sides run: discovery takes a second or two [s]."""
 
-pytestmark = pytest.mark.skipif(not PEER.exists(), reason="no ROS 2 for the tests (PyPI has it for Python 3.11)")
+pytestmark = pytest.mark.skipif(
+    not PEER.exists(), reason="no ROS 2 for the tests (PyPI has it for Python 3.11)"
+)
 
 
 class Program:
@@ -32,7 +34,12 @@ class Program:
         self.newest: dict[str, list[Any]] = {}
         self._log = log.open("ab")
         self.process = subprocess.Popen(
-            command, env=environment, stdout=subprocess.PIPE, stderr=self._log, text=True, start_new_session=True
+            command,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=self._log,
+            text=True,
+            start_new_session=True,
         )
         self._reading = threading.Thread(target=self._read)
         self._reading.start()
@@ -78,12 +85,19 @@ def start(domain: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Sta
     programs: list[Program] = []
     with Master() as master:
         environment = {**master.environment, "ROS_DOMAIN_ID": domain}
-        for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "CYCLONEDDS_URI"):
+        for name in (
+            "ROS_AUTOMATIC_DISCOVERY_RANGE",
+            "ROS_LOCALHOST_ONLY",
+            "ROS_STATIC_PEERS",
+            "CYCLONEDDS_URI",
+        ):
             environment.pop(name, None)
         alone = {name: value for name, value in environment.items() if name != "PYTHONPATH"}
 
         def begin(*command: str, plain: bool = False) -> Program:
-            program = Program(list(command), alone if plain else environment, folder / f"{len(programs)}.log")
+            program = Program(
+                list(command), alone if plain else environment, folder / f"{len(programs)}.log"
+            )
             programs.append(program)
             return program
 
@@ -123,7 +137,9 @@ def test_rclpy_receives_what_ros_1_publishes(peer: Program, topic: str, values: 
     peer.waits_for(topic, values)
 
 
-def test_velocities_and_goals_of_rclpy_reach_ros_1_under_its_names(peer: Program, robot: Program) -> None:
+def test_velocities_and_goals_of_rclpy_reach_ros_1_under_its_names(
+    peer: Program, robot: Program
+) -> None:
     robot.waits_for("/pioneer1/pioneer/cmd_vel", [0.25, -0.5])
     robot.waits_for("/pioneer2/map_goal_pose", [3.0, 4.0])
 
@@ -141,7 +157,10 @@ def test_ros_2_lists_the_door_s_node_and_the_types_of_its_topics(peer: Program) 
         (
             "/tf_static",
             "latched",
-            {("pioneer1/base_link", "pioneer1/laser", 0.1), ("pioneer2/base_link", "pioneer2/laser", 0.1)},
+            {
+                ("pioneer1/base_link", "pioneer1/laser", 0.1),
+                ("pioneer2/base_link", "pioneer2/laser", 0.1),
+            },
         ),
         ("/pioneer1/tf_static", "latched", {("base_link", "laser", 0.1)}),
     ],
@@ -180,7 +199,9 @@ def test_what_the_door_cannot_use_ends_it_with_one_line(
     with Master() as master:
         command = ["rosrun", "pioneer_ros2", "ros2_door", *parameters]
         everything = {**master.environment, **environment}
-        done = subprocess.run(command, env=everything, capture_output=True, text=True, timeout=START, check=False)
+        done = subprocess.run(
+            command, env=everything, capture_output=True, text=True, timeout=START, check=False
+        )
     assert done.returncode == 1
     assert says in done.stderr
     assert "Traceback" not in done.stderr

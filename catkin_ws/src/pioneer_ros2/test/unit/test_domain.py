@@ -15,7 +15,9 @@ def test_topics_and_types_are_named_as_ros_2_names_them() -> None:
     assert type_of("sensor_msgs::msg::dds_::LaserScan_") == "sensor_msgs/LaserScan"
 
 
-@pytest.mark.parametrize("name", ["rr/p/describe_parametersReply", "ros_discovery_info", "DCPSParticipant", "rt"])
+@pytest.mark.parametrize(
+    "name", ["rr/p/describe_parametersReply", "ros_discovery_info", "DCPSParticipant", "rt"]
+)
 def test_what_is_no_topic_of_ros_has_no_name(name: str) -> None:
     assert topic_of(name) is None
 
@@ -32,7 +34,11 @@ def test_without_a_variable_only_this_machine_is_reached() -> None:
 
 @pytest.mark.parametrize(
     "environment",
-    [{"ROS_LOCALHOST_ONLY": "0"}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "subnet"}, {"CYCLONEDDS_URI": "file:///x.xml"}],
+    [
+        {"ROS_LOCALHOST_ONLY": "0"},
+        {"ROS_AUTOMATIC_DISCOVERY_RANGE": "subnet"},
+        {"CYCLONEDDS_URI": "file:///x.xml"},
+    ],
 )
 def test_a_wider_reach_is_cyclone_s_own(environment: dict[str, str]) -> None:
     assert configuration(environment) is None

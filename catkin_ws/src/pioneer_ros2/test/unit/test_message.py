@@ -41,7 +41,11 @@ def standard_types() -> list[str]:
     """Returns the types that both sides have, and that are installed here."""
     ours = get_typestore(Stores.ROS1_NOETIC).fielddefs
     theirs = get_typestore(Stores.ROS2_KILTED).fielddefs
-    names = (name.replace("/msg/", "/") for name in sorted(set(ours) & set(theirs)) if name.split("/")[0] in PACKAGES)
+    names = (
+        name.replace("/msg/", "/")
+        for name in sorted(set(ours) & set(theirs))
+        if name.split("/")[0] in PACKAGES
+    )
     return [name for name in names if roslib.message.get_message_class(name)]
 
 
@@ -104,7 +108,9 @@ def messages() -> MessageTypes:
 
 
 @pytest.mark.parametrize("name", standard_types())
-def test_random_messages_of_a_standard_type_come_back_as_they_went(messages: MessageTypes, name: str) -> None:
+def test_random_messages_of_a_standard_type_come_back_as_they_went(
+    messages: MessageTypes, name: str
+) -> None:
     source = random.Random(name)
     converter = messages.converter(name)
     for _ in range(ROUNDS):
@@ -119,7 +125,9 @@ def test_a_type_that_differs_in_ros_2_says_in_which_fields(messages: MessageType
     assert "texture.data" in messages.converter("visualization_msgs/Marker").only_ros2
 
 
-def test_a_custom_type_is_converted_by_the_definition_that_its_publisher_sends(messages: MessageTypes) -> None:
+def test_a_custom_type_is_converted_by_the_definition_that_its_publisher_sends(
+    messages: MessageTypes,
+) -> None:
     converter = messages.converter("walker_msgs/Walker", CUSTOM)
     assert converter.type_hash.startswith("RIHS01_")
     header = b"\0" * 12 + b"\4\0\0\0base"
@@ -129,6 +137,8 @@ def test_a_custom_type_is_converted_by_the_definition_that_its_publisher_sends(m
 
 
 @pytest.mark.parametrize("definition", ["", "float99 x", "Leg leg"])
-def test_a_type_without_a_definition_that_can_be_read_is_named(messages: MessageTypes, definition: str) -> None:
+def test_a_type_without_a_definition_that_can_be_read_is_named(
+    messages: MessageTypes, definition: str
+) -> None:
     with pytest.raises(TypeUnknownError, match="walker_msgs/Unknown"):
         messages.converter("walker_msgs/Unknown", definition)

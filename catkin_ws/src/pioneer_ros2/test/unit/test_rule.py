@@ -30,18 +30,33 @@ def test_a_topic_gets_its_name_in_ros_2_from_the_pattern_s_groups() -> None:
 def test_each_robot_gets_a_topic_beside_the_one_of_all() -> None:
     tf = rules(out=[{"topic": "/tf", "ros2": "/{robot}/tf"}, {"topic": "/tf"}])
     found = exports(tf, ["/tf"], ["p2", "p1"])
-    assert [(each.name, each.robot) for each in found] == [("/p1/tf", "p1"), ("/p2/tf", "p2"), ("/tf", "")]
+    assert [(each.name, each.robot) for each in found] == [
+        ("/p1/tf", "p1"),
+        ("/p2/tf", "p2"),
+        ("/tf", ""),
+    ]
 
 
 def test_a_topic_is_brought_in_only_for_a_subscriber_unless_gateways_carry_it_on() -> None:
-    into = [{"topic": "/a", "type": "x/A"}, {"topic": "/b", "type": "x/B", "needs_subscriber": False}]
+    into = [
+        {"topic": "/a", "type": "x/A"},
+        {"topic": "/b", "type": "x/B", "needs_subscriber": False},
+    ]
     both = rules(in_=into)
     assert imports(both, [], ["/a", "/b"]) == [Import("/b", "/b", "x/B", Qos.RELIABLE)]
     assert [each.name for each in imports(both, ["/a"], [])] == ["/a"]
 
 
 def test_a_topic_is_brought_in_under_its_name_in_ros_1() -> None:
-    velocity = rules(in_=[{"topic": r"/(\w+)/cmd_vel", "ros1": r"/\1/pioneer/cmd_vel", "type": "geometry_msgs/Twist"}])
+    velocity = rules(
+        in_=[
+            {
+                "topic": r"/(\w+)/cmd_vel",
+                "ros1": r"/\1/pioneer/cmd_vel",
+                "type": "geometry_msgs/Twist",
+            }
+        ]
+    )
     (found,) = imports(velocity, ["/p1/pioneer/cmd_vel"], ["/p1/cmd_vel", "/p2/cmd_vel"])
     assert (found.name, found.target) == ("/p1/cmd_vel", "/p1/pioneer/cmd_vel")
 
@@ -61,7 +76,10 @@ def test_a_topic_is_brought_in_under_its_name_in_ros_1() -> None:
         ({"out": [{"topic": "/a", "rate": 0}]}, "rate must be above 0 Hz, not 0"),
         ({"in": [{"topic": "/a"}]}, "in, rule 1: needs 'type'"),
         ({"in": [{"topic": "/a", "type": "geometry_msgs/msg/Twist"}]}, "type must be package/Name"),
-        ({"in": [{"topic": "/a", "type": "a/B", "needs_subscriber": 1}]}, "must be true or false, not 1"),
+        (
+            {"in": [{"topic": "/a", "type": "a/B", "needs_subscriber": 1}]},
+            "must be true or false, not 1",
+        ),
     ],
 )
 def test_a_rule_that_makes_no_sense_is_named(content: object, says: str) -> None:

@@ -28,7 +28,10 @@ def encoded(*frames: tuple[str, str, float]) -> bytes:
 
 def decoded(data: bytes) -> list[tuple[str, str, float]]:
     message = TFMessage().deserialize(data)
-    return [(each.header.frame_id, each.child_frame_id, each.transform.translation.x) for each in message.transforms]
+    return [
+        (each.header.frame_id, each.child_frame_id, each.transform.translation.x)
+        for each in message.transforms
+    ]
 
 
 def test_what_is_read_is_written_again() -> None:
@@ -37,7 +40,9 @@ def test_what_is_read_is_written_again() -> None:
 
 
 def test_a_robot_s_transforms_lose_its_prefix_and_others_are_left_out() -> None:
-    data = encoded(("map", "p1/odom", 1.0), ("p1/odom", "p1/base_link", 2.0), ("map", "p10/odom", 3.0))
+    data = encoded(
+        ("map", "p1/odom", 1.0), ("p1/odom", "p1/base_link", 2.0), ("map", "p10/odom", 3.0)
+    )
     kept = decoded(message_of(without_prefix(transforms_in(data), "p1")))
     assert kept == [("map", "odom", 1.0), ("odom", "base_link", 2.0)]
 

@@ -69,9 +69,12 @@ def _has_known_places(message: ReportMessage, places: int) -> bool:
 
 def _message_from_plan(plan: Plan) -> PlanMessage:
     paths = [
-        PathMessage(name, plan.held[name], places, plan.regions.get(name, ())) for name, places in plan.paths.items()
+        PathMessage(name, plan.held[name], places, plan.regions.get(name, ()))
+        for name, places in plan.paths.items()
     ]
-    return PlanMessage(plan.id.number, plan.id.author, paths, [WaitMessage(*wait) for wait in plan.waits])
+    return PlanMessage(
+        plan.id.number, plan.id.author, paths, [WaitMessage(*wait) for wait in plan.waits]
+    )
 
 
 def _plan_from_message(message: PlanMessage) -> Plan:

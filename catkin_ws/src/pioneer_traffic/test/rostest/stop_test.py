@@ -47,18 +47,28 @@ class StopTest(unittest.TestCase):
         cls.results: list[MoveBaseActionResult] = []
         cls.reports: list[Report] = []
         rospy.Subscriber("move_base/goal", MoveBaseActionGoal, lambda goal: cls.sent.append(goal))
-        rospy.Subscriber("move_base/result", MoveBaseActionResult, lambda result: cls.ended.append(result))
-        rospy.Subscriber("traffic/result", MoveBaseActionResult, lambda result: cls.results.append(result))
+        rospy.Subscriber(
+            "move_base/result", MoveBaseActionResult, lambda result: cls.ended.append(result)
+        )
+        rospy.Subscriber(
+            "traffic/result", MoveBaseActionResult, lambda result: cls.results.append(result)
+        )
         rospy.Subscriber("/traffic/reports", Report, lambda report: cls.reports.append(report))
         cls.waypoints = rospy.Publisher("map_goal", Twist, queue_size=1)
         cls.clear = rospy.Publisher("map_goal_client/cancel", Empty, queue_size=1)
         cls.cancels = {
-            name: rospy.Publisher(f"{name}/cancel", GoalID, queue_size=1) for name in ("traffic", "move_base")
+            name: rospy.Publisher(f"{name}/cancel", GoalID, queue_size=1)
+            for name in ("traffic", "move_base")
         }
-        cls.goals = {name: rospy.Publisher(f"{name}/goal", MoveBaseActionGoal, queue_size=1) for name in cls.cancels}
+        cls.goals = {
+            name: rospy.Publisher(f"{name}/goal", MoveBaseActionGoal, queue_size=1)
+            for name in cls.cancels
+        }
         cls.simple_goals = rospy.Publisher("traffic_simple/goal", PoseStamped, queue_size=1)
         cls.publish_surroundings()
-        cls.group.start("move_base", [sys.executable, str(FAKE)], log=cls.logs / "move_base", may_end=True)
+        cls.group.start(
+            "move_base", [sys.executable, str(FAKE)], log=cls.logs / "move_base", may_end=True
+        )
         cls.coordinator = 0
         cls.runs = 0
         cls.start_coordinator()
@@ -93,8 +103,16 @@ class StopTest(unittest.TestCase):
         name = f"coordinator {cls.runs}"
         cls.coordinator = cls.group.start(name, COORDINATOR, log=cls.logs / name, may_end=True)
         wait_until(lambda: len(cls.reports) > before, "the coordinator's reports", TIMEOUT)
-        ends = (*cls.cancels.values(), *cls.goals.values(), cls.simple_goals, cls.clear, cls.waypoints)
-        wait_until(lambda: all(end.get_num_connections() for end in ends), "all connections", TIMEOUT)
+        ends = (
+            *cls.cancels.values(),
+            *cls.goals.values(),
+            cls.simple_goals,
+            cls.clear,
+            cls.waypoints,
+        )
+        wait_until(
+            lambda: all(end.get_num_connections() for end in ends), "all connections", TIMEOUT
+        )
 
     def drive(self, start: Callable[[], object] | None = None) -> MoveBaseActionGoal:
         """Sends the robot off, by default with a waypoint; returns the goal that move_base gets."""
@@ -146,10 +164,14 @@ class StopTest(unittest.TestCase):
 
     def test_cancelling_move_base_by_id_stops_the_robot(self) -> None:
         goal = self.drive()
-        self.expect_stop(goal, lambda: self.cancels["move_base"].publish(GoalID(id=goal.goal_id.id)))
+        self.expect_stop(
+            goal, lambda: self.cancels["move_base"].publish(GoalID(id=goal.goal_id.id))
+        )
 
     def test_cancelling_move_base_by_stamp_stops_the_robot(self) -> None:
-        self.expect_stop(self.drive(), lambda: self.cancels["move_base"].publish(GoalID(stamp=rospy.Time.now())))
+        self.expect_stop(
+            self.drive(), lambda: self.cancels["move_base"].publish(GoalID(stamp=rospy.Time.now()))
+        )
 
     def test_cancelling_all_goals_of_traffic_stops_the_robot(self) -> None:
         goal = self.drive(lambda: self.goals["traffic"].publish(self.goal()))
@@ -163,7 +185,9 @@ class StopTest(unittest.TestCase):
 
     def test_cancelling_traffic_by_stamp_stops_the_robot(self) -> None:
         goal = self.drive(lambda: self.goals["traffic"].publish(self.goal()))
-        self.expect_stop(goal, lambda: self.cancels["traffic"].publish(GoalID(stamp=rospy.Time.now())))
+        self.expect_stop(
+            goal, lambda: self.cancels["traffic"].publish(GoalID(stamp=rospy.Time.now()))
+        )
 
     def test_clearing_the_waypoints_stops_the_robot(self) -> None:
         self.expect_stop(self.drive(), lambda: self.clear.publish(Empty()))
@@ -172,7 +196,9 @@ class StopTest(unittest.TestCase):
         goal = self.drive()
         before = len(self.sent)
         self.goals["move_base"].publish(self.goal("by hand"))
-        wait_until(lambda: self.has_ended(goal.goal_id.id), "the end of the coordinator's goal", 1.0)
+        wait_until(
+            lambda: self.has_ended(goal.goal_id.id), "the end of the coordinator's goal", 1.0
+        )
         wait_until(lambda: len(self.sent) > before, "the goal", 10.0)
         self.expect_no_goal_after(before + 1)
         self.expect_stop(self.sent[-1], lambda: self.cancels["move_base"].publish(GoalID()))
@@ -189,7 +215,9 @@ class StopTest(unittest.TestCase):
 
         def start() -> None:
             text = f"{{goal: {{target_pose: {target}}}}}"
-            started.append(self.group.start("client", [*command, text], log=self.logs / "client", may_end=True))
+            started.append(
+                self.group.start("client", [*command, text], log=self.logs / "client", may_end=True)
+            )
 
         goal = self.drive(start)
         self.expect_stop(goal, lambda: os.kill(started[0], signal.SIGKILL))

@@ -23,14 +23,24 @@ class SwapTest(unittest.TestCase):
         collisions: dict[str, UInt32] = {}
         goals = {}
         for name in GOALS:
-            rospy.Subscriber(f"/{name}/map_goal_client/queue", WaypointQueue, self._into(queues, name))
+            rospy.Subscriber(
+                f"/{name}/map_goal_client/queue", WaypointQueue, self._into(queues, name)
+            )
             rospy.Subscriber(f"/{name}/collisions", UInt32, self._into(collisions, name))
             goals[name] = rospy.Publisher(f"/{name}/map_goal", Twist, queue_size=1, latch=True)
         wait_until(lambda: len(queues) == len(GOALS), "the waypoint clients", 60.0)
         for name, x in GOALS.items():
             goals[name].publish(Twist(Vector3(x, 0.0, 0.0), Vector3()))
-        wait_until(lambda: all(queue.received for queue in queues.values()), "the waypoints to arrive", 10.0)
-        wait_until(lambda: all(queue.reached + queue.aborted for queue in queues.values()), "both robots", LONGEST)
+        wait_until(
+            lambda: all(queue.received for queue in queues.values()),
+            "the waypoints to arrive",
+            10.0,
+        )
+        wait_until(
+            lambda: all(queue.reached + queue.aborted for queue in queues.values()),
+            "both robots",
+            LONGEST,
+        )
         assert {name: queue.reached for name, queue in queues.items()} == dict.fromkeys(GOALS, 1)
         wait_until(lambda: len(collisions) == len(GOALS), "the counts of collisions", 10.0)
         assert {name: count.data for name, count in collisions.items()} == dict.fromkeys(GOALS, 0)

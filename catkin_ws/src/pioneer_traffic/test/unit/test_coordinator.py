@@ -16,14 +16,24 @@ from pioneer_traffic.core.simulation import Trial
 
 def lattice(drawing: list[str]) -> Roadmap:
     """Returns a roadmap with one place per dot, 1 m apart, joined to its neighbours."""
-    places = [(float(x), float(-y)) for y, line in enumerate(drawing) for x, cell in enumerate(line) if cell == "."]
-    near = [[other for other, (u, v) in enumerate(places) if abs(u - x) + abs(v - y) == 1.0] for x, y in places]
+    places = [
+        (float(x), float(-y))
+        for y, line in enumerate(drawing)
+        for x, cell in enumerate(line)
+        if cell == "."
+    ]
+    near = [
+        [other for other, (u, v) in enumerate(places) if abs(u - x) + abs(v - y) == 1.0]
+        for x, y in places
+    ]
     return Roadmap(places, near)
 
 
 ROW = lattice(["......."])
 BAY = lattice(["      .      ", "............."])
-ROOMS = lattice(["...   ...", ".........", "...   ...", " .     . ", "...   ...", ".........", "...   ..."])
+ROOMS = lattice(
+    ["...   ...", ".........", "...   ...", " .     . ", "...   ...", ".........", "...   ..."]
+)
 
 
 def test_two_robots_swap_ends_by_way_of_the_bay() -> None:
@@ -65,7 +75,11 @@ def test_the_robot_that_makes_the_plans_may_go_and_come_back() -> None:
 
 
 @settings(max_examples=6, deadline=None)
-@given(seed=st.integers(0, 10**6), robots=st.integers(2, 6), absence=st.sampled_from([1.0, 3.0, 30.0, 200.0]))
+@given(
+    seed=st.integers(0, 10**6),
+    robots=st.integers(2, 6),
+    absence=st.sampled_from([1.0, 3.0, 30.0, 200.0]),
+)
 @example(seed=5, robots=6, absence=200.0)
 def test_a_robot_may_go_at_any_time_and_come_back(seed: int, robots: int, absence: float) -> None:
     generator = random.Random(seed)
@@ -133,7 +147,9 @@ def test_a_plan_stays_while_it_leads_a_robot_off_its_goal() -> None:
     def plan_number(begin: float, *held: int) -> int:
         for tick in range(15):
             now = begin + 0.2 * tick
-            one.receive(Report("b", ROW.signature, ROW.places[4], held, 4, region=(5,), heard=("a",)), now)
+            one.receive(
+                Report("b", ROW.signature, ROW.places[4], held, 4, region=(5,), heard=("a",)), now
+            )
             report = one.advance(ROW.places[0], now)
         return report.plan.id.number if report.plan else 0
 
@@ -152,7 +168,9 @@ def test_who_comes_back_hears_all_others_before_it_makes_a_plan() -> None:
             for name in names:
                 place = {"b": 3, "c": 6}[name]
                 heard = tuple({"a", *names} - {name})
-                one.receive(Report(name, ROW.signature, ROW.places[place], held=(place,), heard=heard), now)
+                one.receive(
+                    Report(name, ROW.signature, ROW.places[place], held=(place,), heard=heard), now
+                )
             report = one.advance(ROW.places[0], now)
         return frozenset(report.plan.paths if report.plan else ())
 
@@ -184,7 +202,15 @@ def test_a_robot_leaves_the_roadmap_only_when_nobody_comes_by_or_has_claimed_the
     def is_out(reached: int, now: float) -> bool:
         for name, place, at in (("a", 0, 0), ("b", 4, reached)):
             heard = tuple({"a", "b", "z"} - {name})
-            state = Report(name, ROW.signature, ROW.places[place], (place,), adopted=plan.id, ready=plan.id, reached=at)
+            state = Report(
+                name,
+                ROW.signature,
+                ROW.places[place],
+                (place,),
+                adopted=plan.id,
+                ready=plan.id,
+                reached=at,
+            )
             leaver.receive(replace(state, heard=heard, plan=plan if name == "a" else None), now)
         return leaver.advance(ROW.places[2], now).out
 
@@ -206,14 +232,20 @@ def test_a_robot_that_cuts_the_first_corner_lets_go_of_the_ground_it_started_on(
 
 
 def test_one_waypoint_after_the_other_is_reached_from_one_place() -> None:
-    outcome = Trial(ROW, None, [ROW.places[0]], [[(2.0, 0.45), (2.0, -0.45), (2.0, 0.45)]]).run(60.0)
+    outcome = Trial(ROW, None, [ROW.places[0]], [[(2.0, 0.45), (2.0, -0.45), (2.0, 0.45)]]).run(
+        60.0
+    )
     assert outcome.reached == 3
 
 
 def test_the_same_seed_gives_the_same_run() -> None:
     def driven() -> tuple[float, ...]:
         starts, goals = ROOMS.places[:4], ROOMS.places[-4:]
-        return Trial(ROOMS, None, starts, [[goal] for goal in goals], loss=0.2, seed=3).run(200.0).finished
+        return (
+            Trial(ROOMS, None, starts, [[goal] for goal in goals], loss=0.2, seed=3)
+            .run(200.0)
+            .finished
+        )
 
     assert driven() == driven()
 
@@ -269,7 +301,12 @@ def test_plans_continue_after_the_clock_jumped_back() -> None:
         one.set_waypoint(ROW.places[goal], begin)
         for tick in range(20):
             now = begin + 0.2 * tick
-            one.receive(Report("b", ROW.signature, ROW.places[6], (6,), heard=("a",), ready=one.report.ready), now)
+            one.receive(
+                Report(
+                    "b", ROW.signature, ROW.places[6], (6,), heard=("a",), ready=one.report.ready
+                ),
+                now,
+            )
             report = one.advance(ROW.places[0], now)
         return report.plan.paths["a"] if report.plan else ()
 

@@ -33,18 +33,30 @@ ARRIVED = 0.2
 
 def lattice(drawing: list[str]) -> Roadmap:
     """Returns a roadmap with one place per dot, 1 m apart, joined to its neighbours."""
-    places = [(float(x), float(-y)) for y, line in enumerate(drawing) for x, cell in enumerate(line) if cell == "."]
-    near = [[other for other, (u, v) in enumerate(places) if abs(u - x) + abs(v - y) == 1.0] for x, y in places]
+    places = [
+        (float(x), float(-y))
+        for y, line in enumerate(drawing)
+        for x, cell in enumerate(line)
+        if cell == "."
+    ]
+    near = [
+        [other for other, (u, v) in enumerate(places) if abs(u - x) + abs(v - y) == 1.0]
+        for x, y in places
+    ]
     return Roadmap(places, near)
 
 
-ROOMS = lattice(["...   ...", ".........", "...   ...", " .     . ", "...   ...", ".........", "...   ..."])
+ROOMS = lattice(
+    ["...   ...", ".........", "...   ...", " .     . ", "...   ...", ".........", "...   ..."]
+)
 
 
 class Fleet(Trial):
     """Robots with pilots, and a move_base each that drives along the route to the stop that it was sent."""
 
-    def __init__(self, roadmap: Roadmap, starts: Sequence[Point], tours: Sequence[Sequence[Point]], seed: int) -> None:
+    def __init__(
+        self, roadmap: Roadmap, starts: Sequence[Point], tours: Sequence[Sequence[Point]], seed: int
+    ) -> None:
         super().__init__(roadmap, None, starts, [[] for _ in starts], seed=seed)
         names = [f"robot{number:02}" for number in range(len(starts))]
         self.pilots = [Pilot(name, PilotConfig(), names) for name in names]
@@ -128,13 +140,17 @@ def fleet_of(robots: int, seed: int) -> Fleet:
 def test_goals_that_coincide_are_reached_one_after_the_other(seed: int) -> None:
     fleet = fleet_of(5, seed)
     fleet.finish(900.0)
-    assert [[finish.outcome for finish in results] for results in fleet.results] == [[Outcome.REACHED] * 3] * 5
+    assert [[finish.outcome for finish in results] for results in fleet.results] == [
+        [Outcome.REACHED] * 3
+    ] * 5
     assert not fleet._touching
 
 
 @pytest.mark.parametrize("how", ["stopped", "driven by another client", "switched off"])
 @pytest.mark.parametrize("seed", range(3))
-def test_with_a_robot_that_takes_no_part_every_goal_ends_with_the_reason(how: str, seed: int) -> None:
+def test_with_a_robot_that_takes_no_part_every_goal_ends_with_the_reason(
+    how: str, seed: int
+) -> None:
     fleet = fleet_of(5, seed)
     while fleet.time < 10.0 + 5.0 * seed:
         fleet.step()
@@ -142,12 +158,16 @@ def test_with_a_robot_that_takes_no_part_every_goal_ends_with_the_reason(how: st
     if how == "switched off":
         fleet.present[0] = False
     else:
-        fleet.inboxes[0].append(CancelRequested(everything=True) if how == "stopped" else MoveBaseTaken("/rviz"))
+        fleet.inboxes[0].append(
+            CancelRequested(everything=True) if how == "stopped" else MoveBaseTaken("/rviz")
+        )
         fleet.drives[0] = None
     fleet.finish(900.0)
     for results in fleet.results[1:]:
         assert len(results) == 3
-        assert all(finish.outcome is Outcome.REACHED or "robot" in finish.text for finish in results)
+        assert all(
+            finish.outcome is Outcome.REACHED or "robot" in finish.text for finish in results
+        )
     assert not fleet._touching
     drives = len([drive for drive in fleet.drives[:1] if drive is not None])
     assert drives == 0 or how == "switched off"

@@ -21,7 +21,9 @@ def graph_of(places: int, ways: list[tuple[int, int]]) -> list[list[int]]:
 def corridor(length: int, bays: list[int]) -> list[list[int]]:
     """Returns places 0 … length - 1 in a row, with a bay next to each place in ``bays``."""
     row = [(place, place + 1) for place in range(length - 1)]
-    return graph_of(length + len(bays), row + [(place, length + number) for number, place in enumerate(bays)])
+    return graph_of(
+        length + len(bays), row + [(place, length + number) for number, place in enumerate(bays)]
+    )
 
 
 def problem_of(graph: list[list[int]], starts: list[int], goals: list[int]) -> Problem:
@@ -49,7 +51,9 @@ def test_what_cannot_be_is_given_up() -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 10**6), robots=st.integers(2, 10))
-def test_in_every_step_robots_move_along_ways_to_places_of_their_own(seed: int, robots: int) -> None:
+def test_in_every_step_robots_move_along_ways_to_places_of_their_own(
+    seed: int, robots: int
+) -> None:
     generator, places = random.Random(seed), 30
     ways = [(place, generator.randrange(max(0, place - 3), place)) for place in range(1, places)]
     ways += [(generator.randrange(places), generator.randrange(places)) for _ in range(6)]

@@ -35,7 +35,10 @@ from simple_navigation_goals.queue import Outcome
 
 def row(places: int) -> Roadmap:
     """Returns a roadmap of places in a row, 1 m apart."""
-    near = [[other for other in (place - 1, place + 1) if 0 <= other < places] for place in range(places)]
+    near = [
+        [other for other in (place - 1, place + 1) if 0 <= other < places]
+        for place in range(places)
+    ]
     return Roadmap([(float(place), 0.0) for place in range(places)], near)
 
 
@@ -149,7 +152,9 @@ def test_a_stop_ends_the_goal_at_once_and_the_robot_stays(stop: Event) -> None:
     """Cancelling move_base's goal used to be undone after 2 s; cancelling the goal left move_base driving."""
     robot = driving_robot()
     actions = robot.step(stop)
-    assert [action.outcome for action in actions if isinstance(action, Finish)] == [Outcome.CANCELLED]
+    assert [action.outcome for action in actions if isinstance(action, Finish)] == [
+        Outcome.CANCELLED
+    ]
     assert CancelDrive() in actions or isinstance(stop, MoveBaseTaken)
     drives = len(robot.drives)
     robot.run(60.0)
@@ -240,7 +245,9 @@ def test_a_way_that_move_base_gives_up_again_and_again_ends_the_goal() -> None:
 
 @pytest.mark.parametrize("missing", ["map", "position", "move_base"])
 def test_a_goal_that_cannot_begin_ends_with_the_reason(missing: str) -> None:
-    robot = Robot(position=None if missing == "position" else (0.0, 0.0), present=missing != "move_base")
+    robot = Robot(
+        position=None if missing == "position" else (0.0, 0.0), present=missing != "move_base"
+    )
     robot.step(*(() if missing == "map" else (NewRoadmap(ROW),)), NewGoal((8.0, 0.0)))
     robot.run(robot.config.stall + 5.0)
     assert [finish.outcome for finish in robot.finished] == [Outcome.ABORTED]
@@ -309,7 +316,9 @@ class Chaos:
         if chance() < 0.01:
             robot.now += self.random.choice([-50.0, -0.5, 0.5, 30.0])
         if chance() < 0.02:
-            robot.position = self.random.choice([None, (self.random.uniform(0.0, 8.0), self.random.uniform(-0.3, 0.3))])
+            robot.position = self.random.choice(
+                [None, (self.random.uniform(0.0, 8.0), self.random.uniform(-0.3, 0.3))]
+            )
         if chance() < 0.03:
             robot.present = not robot.present
             if not robot.present:
@@ -332,7 +341,9 @@ class Chaos:
             report = Report("b", signature, (float(place), 0.0), held, goal, heard=("a",))
             events.append(Heard(report))
         if robot.stop is not None and chance() < 0.05:
-            robot.end_stretch(self.random.choice([Outcome.ABORTED, Outcome.LOST, Outcome.REACHED]), "given up")
+            robot.end_stretch(
+                self.random.choice([Outcome.ABORTED, Outcome.LOST, Outcome.REACHED]), "given up"
+            )
         return events
 
     def control(self) -> Event | None:
@@ -360,7 +371,9 @@ class Chaos:
             case GoalCancelled():
                 return self.active
             case CancelRequested(number=number) if number > 0:
-                return number <= len(self.robot.drives) and (not self.active or number >= self.first)
+                return number <= len(self.robot.drives) and (
+                    not self.active or number >= self.first
+                )
             case CancelRequested() | MoveBaseTaken() | StretchEnded():
                 return True
         return False
@@ -391,7 +404,9 @@ class Chaos:
         assert not (self.stopped and drives), f"{place}: a stop was undone"
         assert not (self.stopped and robot.stop), f"{place}: the robot drives after a stop"
         if drives and not self.active:
-            assert robot.reports[-1].adopted.number > 0, f"{place}: the robot drives without goal and plan"
+            assert robot.reports[-1].adopted.number > 0, (
+                f"{place}: the robot drives without goal and plan"
+            )
 
 
 @settings(max_examples=20, deadline=None)

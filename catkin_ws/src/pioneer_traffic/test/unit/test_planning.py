@@ -8,12 +8,17 @@ COLS = 7
 PLACES = [(float(col), float(row)) for row in range(2) for col in range(COLS)]
 LADDER = Roadmap(
     PLACES,
-    [[other for other, (u, v) in enumerate(PLACES) if abs(u - x) + abs(v - y) == 1.0] for x, y in PLACES],
+    [
+        [other for other, (u, v) in enumerate(PLACES) if abs(u - x) + abs(v - y) == 1.0]
+        for x, y in PLACES
+    ],
 )
 """Two rows of seven places each, 0 … 6 and 7 … 13."""
 
 
-def state(name: str, *held: int, goal: int = -1, region: tuple[int, ...] = (), out: bool = False) -> Report:
+def state(
+    name: str, *held: int, goal: int = -1, region: tuple[int, ...] = (), out: bool = False
+) -> Report:
     return Report(name, LADDER.signature, PLACES[held[-1]], held, goal, region=region, out=out)
 
 
@@ -49,8 +54,13 @@ def test_of_two_robots_with_one_goal_the_one_that_has_waited_longest_gets_it() -
 
 
 def test_an_idle_robot_makes_room_and_comes_back() -> None:
-    row = Roadmap([*PLACES[:COLS], (3.0, 1.0)], [[1], [0, 2], [1, 3], [2, 4, 7], [3, 5], [4, 6], [5], [3]])
-    idle, busy = (Report(n, row.signature, row.places[p], (p,), goal) for n, p, goal in (("a", 3, -1), ("b", 0, 6)))
+    row = Roadmap(
+        [*PLACES[:COLS], (3.0, 1.0)], [[1], [0, 2], [1, 3], [2, 4, 7], [3, 5], [4, 6], [5], [3]]
+    )
+    idle, busy = (
+        Report(n, row.signature, row.places[p], (p,), goal)
+        for n, p, goal in (("a", 3, -1), ("b", 0, 6))
+    )
     plan = planned(row, [idle, busy], (), PlanId(1, "a"))
     assert plan.paths["b"] == (0, 1, 2, 3, 4, 5, 6)
     assert len(plan.paths["a"]) > 1
@@ -62,7 +72,9 @@ def test_places_held_behind_a_robot_are_free_only_when_it_has_reached_its_first_
 
 
 ROW = Roadmap(PLACES[:COLS], [[1], [0, 2], [1, 3], [2, 4], [3, 5], [4, 6], [5]])
-BAY = Roadmap([*PLACES[:COLS], (3.0, 1.0)], [[1], [0, 2], [1, 3], [2, 4, 7], [3, 5], [4, 6], [5], [3]])
+BAY = Roadmap(
+    [*PLACES[:COLS], (3.0, 1.0)], [[1], [0, 2], [1, 3], [2, 4, 7], [3, 5], [4, 6], [5], [3]]
+)
 """A row of seven places, and the same row with one more place next to its middle."""
 
 
@@ -78,7 +90,10 @@ def test_a_robot_makes_room_at_goals_of_robots_that_cannot_come() -> None:
     """No robot used to leave a region that another waited for, if all places around were goals of robots cut off."""
     asking = Report("asking", ROW.signature, ROW.places[3], (3,), 3, since=3.0, region=(4,))
     inside = Report("inside", ROW.signature, ROW.places[4], (4,), 2, since=4.0)
-    outside = [Report(f"cut off {goal}", ROW.signature, ROW.places[6 - goal], (6 - goal,), goal) for goal in (5, 6)]
+    outside = [
+        Report(f"cut off {goal}", ROW.signature, ROW.places[6 - goal], (6 - goal,), goal)
+        for goal in (5, 6)
+    ]
     plan = planned(ROW, [asking, inside, *outside], (), PlanId(1, "asking"))
     assert plan.paths["inside"] == (4, 5)
     assert plan.regions["asking"] == (4,)
@@ -106,7 +121,9 @@ def test_who_has_to_leave_a_region_does_not_wait_for_a_place_whose_robot_is_cut_
     assert plan.regions == {"asking": (1,)}
 
 
-def test_nobody_is_granted_a_region_whose_robot_could_leave_it_only_for_a_place_that_is_full() -> None:
+def test_nobody_is_granted_a_region_whose_robot_could_leave_it_only_for_a_place_that_is_full() -> (
+    None
+):
     """All robots used to deadlock in a dead end: the last place counted as a way out with a cut-off robot on it."""
     asking = Report("asking", BAY.signature, BAY.places[2], (2,), 2, since=1.0, region=(1,))
     inside = Report("inside", BAY.signature, BAY.places[1], (1,), 5, since=2.0)
@@ -119,8 +136,13 @@ def test_nobody_is_granted_a_region_whose_robot_could_leave_it_only_for_a_place_
 def test_a_robot_backs_off_where_those_it_pushes_have_no_room_to_let_it_pass() -> None:
     """Robots used to deadlock at a room where only the goal was free: a robot that had gone in could not come out."""
     places = [*PLACES[:COLS], (0.0, 1.0), (0.0, -1.0), (4.0, 1.0)]
-    room = Roadmap(places, [[1, 7, 8], [0, 2], [1, 3], [2, 4], [3, 5, 9], [4, 6], [5], [0], [0], [4]])
+    room = Roadmap(
+        places, [[1, 7, 8], [0, 2], [1, 3], [2, 4], [3, 5, 9], [4, 6], [5], [0], [0], [4]]
+    )
     coming = Report("coming", room.signature, room.places[2], (2,), 7, since=1.0)
-    idle = [Report(name, room.signature, room.places[at], (at,)) for name, at in (("front", 0), ("back", 8))]
+    idle = [
+        Report(name, room.signature, room.places[at], (at,))
+        for name, at in (("front", 0), ("back", 8))
+    ]
     plan = planned(room, [coming, *idle], (), PlanId(1, "back"))
     assert plan.paths["coming"][-1] == 7

@@ -9,9 +9,15 @@ from pioneer_traffic.conversions import message_from_report, report_from_message
 from pioneer_traffic.core.report import Plan, PlanId, Report, Wait
 
 PLAN = Plan(
-    PlanId(4, "a"), {"a": (1,), "b": (2, 3)}, {"a": (1, 5), "b": (3,)}, {"b": (7, 900)}, (Wait("a", 1, "b", 1),)
+    PlanId(4, "a"),
+    {"a": (1,), "b": (2, 3)},
+    {"a": (1, 5), "b": (3,)},
+    {"b": (7, 900)},
+    (Wait("a", 1, "b", 1),),
 )
-REPORT = Report("a", 77, (1.0, -2.0), (1, 5), 5, 12.5, (7,), True, PLAN.id, 1, PLAN.id, ("b",), PLAN)
+REPORT = Report(
+    "a", 77, (1.0, -2.0), (1, 5), 5, 12.5, (7,), True, PLAN.id, 1, PLAN.id, ("b",), PLAN
+)
 
 
 @pytest.mark.parametrize("report", [REPORT, Report("b", 77, (0.0, 0.0))], ids=["full", "empty"])

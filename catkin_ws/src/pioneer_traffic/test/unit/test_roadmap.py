@@ -45,7 +45,9 @@ def test_every_place_can_be_reached_from_every_other(rooms: Roadmap) -> None:
 
 
 def test_robots_at_places_and_ways_that_share_no_end_are_a_clearance_apart(rooms: Roadmap) -> None:
-    ways = [(one, other) for one, near in enumerate(rooms.neighbours) for other in near if one < other]
+    ways = [
+        (one, other) for one, near in enumerate(rooms.neighbours) for other in near if one < other
+    ]
     least = rooms.config.clearance - 1e-6
     for way in ways:
         segment = rooms.places[way[0]], rooms.places[way[1]]
@@ -53,23 +55,34 @@ def test_robots_at_places_and_ways_that_share_no_end_are_a_clearance_apart(rooms
             assert place in way or distance_to_segment(at, *segment) >= least
         for other in ways:
             if not set(way) & set(other):
-                assert distance_between_segments(segment, (rooms.places[other[0]], rooms.places[other[1]])) >= least
+                assert (
+                    distance_between_segments(
+                        segment, (rooms.places[other[0]], rooms.places[other[1]])
+                    )
+                    >= least
+                )
 
 
 def test_ways_keep_off_the_walls(rooms: Roadmap) -> None:
     assert rooms.space is not None
     for one, near in enumerate(rooms.neighbours):
         for other in near:
-            assert rooms.space.sees(rooms.places[one], rooms.places[other], rooms.config.passing_radius)
+            assert rooms.space.sees(
+                rooms.places[one], rooms.places[other], rooms.config.passing_radius
+            )
 
 
 def test_a_map_without_room_has_no_places() -> None:
     assert roadmap_from_space(space_of(["###", "###"])).places == []
 
 
-def test_the_same_map_gives_the_same_signature_and_other_parameters_another_one(rooms: Roadmap) -> None:
+def test_the_same_map_gives_the_same_signature_and_other_parameters_another_one(
+    rooms: Roadmap,
+) -> None:
     assert roadmap_from_space(space_of(ROOMS)).signature == rooms.signature
-    assert roadmap_from_space(space_of(ROOMS), RoadmapConfig(spacing=1.2)).signature != rooms.signature
+    assert (
+        roadmap_from_space(space_of(ROOMS), RoadmapConfig(spacing=1.2)).signature != rooms.signature
+    )
 
 
 @pytest.mark.parametrize("yaw", [0.5, -2.0, math.pi / 2.0])
@@ -91,7 +104,9 @@ def test_cells_that_map_saver_calls_free_are_free() -> None:
     cells = np.where(free, 12, 100).astype(np.int8)
     space = FreeSpace.of_grid(Grid(0.05, Pose(-2.0, 3.0, 0.0), cells))
     assert len(roadmap_from_space(space).places) > 40
-    unknown = FreeSpace.of_grid(Grid(0.05, Pose(-2.0, 3.0, 0.0), np.where(free, -1, 100).astype(np.int8)))
+    unknown = FreeSpace.of_grid(
+        Grid(0.05, Pose(-2.0, 3.0, 0.0), np.where(free, -1, 100).astype(np.int8))
+    )
     assert roadmap_from_space(unknown).places == []
 
 
@@ -117,9 +132,13 @@ def test_a_robot_whose_position_reads_as_wall_enters_only_on_its_side(rooms: Roa
             assert (np.diff(is_free.astype(int)) >= 0).all()
 
 
-def test_two_robots_off_the_ways_that_hold_nothing_in_common_are_a_clearance_apart(rooms: Roadmap) -> None:
+def test_two_robots_off_the_ways_that_hold_nothing_in_common_are_a_clearance_apart(
+    rooms: Roadmap,
+) -> None:
     generator = np.random.default_rng(1)
     for _ in range(300):
-        (a, b, c, d) = (tuple(point) for point in generator.uniform((0.0, 5.0), (6.0, 10.0), (4, 2)).tolist())
+        (a, b, c, d) = (
+            tuple(point) for point in generator.uniform((0.0, 5.0), (6.0, 10.0), (4, 2)).tolist()
+        )
         if not rooms.near(a, b) & rooms.near(c, d):
             assert distance_between_segments((a, b), (c, d)) >= rooms.config.clearance - 1e-6

@@ -37,7 +37,9 @@ def scan_from_message(message: Any) -> tuple[float, float, list[int]]:
     """Returns first angle, angle step [rad] and about 180 ranges [cm] of a ``LaserScan``; 0 means no return."""
     every = max(1, len(message.ranges) // BEAMS)
     ranges = np.asarray(message.ranges[::every], np.float32)
-    valid = (ranges >= message.range_min) & (ranges <= message.range_max) & (ranges <= FARTHEST_RANGE)
+    valid = (
+        (ranges >= message.range_min) & (ranges <= message.range_max) & (ranges <= FARTHEST_RANGE)
+    )
     lengths = np.where(valid, np.where(valid, ranges, 0) * 100, 0).astype(np.int32).tolist()
     return message.angle_min, message.angle_increment * every, lengths
 
@@ -67,7 +69,9 @@ def costs_from_grid(message: Any) -> tuple[str, Image]:
     cells = cells_from_grid(message)
     text = base64.b64encode(png(cells, COSTS)).decode()
     size = info.width * info.resolution, info.height * info.resolution
-    return frame_from_message(message.header.frame_id), Image(pose_from_message(info.origin), *size, text)
+    return frame_from_message(message.header.frame_id), Image(
+        pose_from_message(info.origin), *size, text
+    )
 
 
 def jpeg_from_image(message: Any) -> bytes:
@@ -79,11 +83,15 @@ def jpeg_from_image(message: Any) -> bytes:
     size, encoding = (message.width, message.height), message.encoding
     if encoding in _DEPTHS:
         rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.step)
-        cells = np.nan_to_num(rows.view(_DEPTHS[encoding])[:, : message.width].astype(np.float32), posinf=0.0)
+        cells = np.nan_to_num(
+            rows.view(_DEPTHS[encoding])[:, : message.width].astype(np.float32), posinf=0.0
+        )
         picture = Picture.fromarray((255 * cells / max(1e-6, float(cells.max()))).astype(np.uint8))
     elif encoding in _MODES:
         mode, raw = _MODES[encoding]
-        picture = Picture.frombytes(mode, size, bytes(message.data), "raw", raw, message.step).convert("RGB")
+        picture = Picture.frombytes(
+            mode, size, bytes(message.data), "raw", raw, message.step
+        ).convert("RGB")
     else:
         raise ValueError(f"images of the encoding {encoding!r} cannot be shown")
     file = io.BytesIO()

@@ -63,7 +63,9 @@ class Client:
 def foxglove_client(url, token):
     """Yields a client of the page's server at ``url``."""
     url = url.replace("http", "ws") + f"/foxglove/{token}"
-    with connect(url, subprotocols=["foxglove.websocket.v1"], max_size=None, open_timeout=WAIT) as socket:
+    with connect(
+        url, subprotocols=["foxglove.websocket.v1"], max_size=None, open_timeout=WAIT
+    ) as socket:
         assert socket.subprotocol == "foxglove.websocket.v1"
         yield Client(socket)
 

@@ -22,7 +22,9 @@ return boxes.flatMap((a, i) => boxes.slice(i + 1).filter(b => !apart(a, b)).map(
 
 def known(driver, name):
     """Returns a value of the page's state by its name in the stream, or None if no page is open."""
-    return driver.execute_script("return window.fleetPage ? fleetPage.state[arguments[0]] ?? null : null", name)
+    return driver.execute_script(
+        "return window.fleetPage ? fleetPage.state[arguments[0]] ?? null : null", name
+    )
 
 
 def shown(driver):
@@ -32,7 +34,9 @@ def shown(driver):
 
 def press(driver, act):
     """Presses a button as soon as it exists."""
-    button = WebDriverWait(driver, SOON).until(lambda _: driver.find_element(By.CSS_SELECTOR, f'[data-act="{act}"]'))
+    button = WebDriverWait(driver, SOON).until(
+        lambda _: driver.find_element(By.CSS_SELECTOR, f'[data-act="{act}"]')
+    )
     driver.execute_script("arguments[0].click()", button)
 
 

@@ -36,7 +36,13 @@ def request(url, path="/", cookie="", data=None, context=None, **headers):
 def publish(fleet, topic, kind, value):
     """Publishes a message on the master of a served fleet."""
     command = ["rostopic", "pub", "-1", topic, kind, value]
-    subprocess.run(command, env={**os.environ, **fleet.master.environment}, check=True, capture_output=True, timeout=60)
+    subprocess.run(
+        command,
+        env={**os.environ, **fleet.master.environment},
+        check=True,
+        capture_output=True,
+        timeout=60,
+    )
 
 
 def login(url, token, context=None):

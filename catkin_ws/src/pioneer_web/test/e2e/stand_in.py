@@ -37,9 +37,13 @@ class Robot:
         self.odom = rospy.Publisher(f"/{name}/odom", Odometry, queue_size=10)
         self.scan = rospy.Publisher(f"/{name}/base_scan", LaserScan, queue_size=10)
         self.command = rospy.Publisher(f"/{name}/pioneer/cmd_vel", Twist, queue_size=1)
-        self.queue = rospy.Publisher(f"/{name}/map_goal_client/queue", WaypointQueue, queue_size=1, latch=True)
+        self.queue = rospy.Publisher(
+            f"/{name}/map_goal_client/queue", WaypointQueue, queue_size=1, latch=True
+        )
         self.plan = rospy.Publisher(f"/{name}/move_base/NavfnROS/plan", Path, queue_size=1)
-        self.costs = rospy.Publisher(f"/{name}/move_base/local_costmap/costmap", OccupancyGrid, queue_size=1)
+        self.costs = rospy.Publisher(
+            f"/{name}/move_base/local_costmap/costmap", OccupancyGrid, queue_size=1
+        )
         rospy.Subscriber(f"/{name}/pioneer/cmd_vel", Twist, self.obey, queue_size=1)
         rospy.Subscriber(f"/{name}/map_goal_pose", PoseStamped, self.add)
         rospy.Subscriber(f"/{name}/map_goal_client/cancel", Empty, self.clear)
@@ -64,7 +68,9 @@ class Robot:
         self.tell("dropped all waypoints")
 
     def tell(self, text):
-        message = WaypointQueue(state=2 if self.goals else 0, received=self.received, reached=self.reached, text=text)
+        message = WaypointQueue(
+            state=2 if self.goals else 0, received=self.received, reached=self.reached, text=text
+        )
         if self.goals:
             message.current, message.waiting = self.goals[0], self.goals[1:]
         self.queue.publish(message)
@@ -73,7 +79,10 @@ class Robot:
         if not self.goals:
             return
         goal = self.goals[0].pose.position
-        away, aim = math.hypot(goal.x - self.x, goal.y - self.y), math.atan2(goal.y - self.y, goal.x - self.x)
+        away, aim = (
+            math.hypot(goal.x - self.x, goal.y - self.y),
+            math.atan2(goal.y - self.y, goal.x - self.x),
+        )
         if away < 0.2:
             self.goals.pop(0)
             self.reached += 1
@@ -104,8 +113,14 @@ class Robot:
         self.odom.publish(odom)
 
     def publish_sight(self, stamp, samples):
-        scan = LaserScan(angle_min=-math.pi, angle_increment=math.tau / samples, range_min=0.1, range_max=30.0)
-        scan.header.stamp, scan.header.frame_id, scan.ranges = stamp, f"{self.name}/laser", self.ranges(samples)
+        scan = LaserScan(
+            angle_min=-math.pi, angle_increment=math.tau / samples, range_min=0.1, range_max=30.0
+        )
+        scan.header.stamp, scan.header.frame_id, scan.ranges = (
+            stamp,
+            f"{self.name}/laser",
+            self.ranges(samples),
+        )
         self.scan.publish(scan)
         if not self.goals:
             return
@@ -127,14 +142,23 @@ class Robot:
         costs.info.origin.position.x, costs.info.origin.position.y = self.x - 1.5, self.y - 1.5
         costs.info.origin.orientation.w = 1.0
         rows, cols = np.mgrid[0:60, 0:60]
-        costs.data = np.clip(100 - 4 * np.hypot(rows - 45, cols - 50), 0, 100).astype(np.int8).ravel().tolist()
+        costs.data = (
+            np.clip(100 - 4 * np.hypot(rows - 45, cols - 50), 0, 100)
+            .astype(np.int8)
+            .ravel()
+            .tolist()
+        )
         self.costs.publish(costs)
 
     def ranges(self, samples):
         angles = self.yaw - math.pi + np.arange(samples) * math.tau / samples
         with np.errstate(divide="ignore"):
-            across = np.where(np.cos(angles) > 0, HALF[0] - self.x, -HALF[0] - self.x) / np.cos(angles)
-            along = np.where(np.sin(angles) > 0, HALF[1] - self.y, -HALF[1] - self.y) / np.sin(angles)
+            across = np.where(np.cos(angles) > 0, HALF[0] - self.x, -HALF[0] - self.x) / np.cos(
+                angles
+            )
+            along = np.where(np.sin(angles) > 0, HALF[1] - self.y, -HALF[1] - self.y) / np.sin(
+                angles
+            )
         return np.minimum(across, along)
 
 
@@ -145,7 +169,11 @@ HALF = (6.0, 4.0)
 def room():
     grid = OccupancyGrid()
     grid.info.resolution, grid.info.width, grid.info.height = 0.05, 400, 300
-    grid.info.origin.position.x, grid.info.origin.position.y, grid.info.origin.orientation.w = -10.0, -7.5, 1.0
+    grid.info.origin.position.x, grid.info.origin.position.y, grid.info.origin.orientation.w = (
+        -10.0,
+        -7.5,
+        1.0,
+    )
     cells = np.full((300, 400), -1, np.int8)
     cells[66:234, 76:324] = 100
     cells[70:230, 80:320] = 0
@@ -157,7 +185,11 @@ def rules(names, lost):
     found = DiagnosticArray()
     for number, name in enumerate(names, 1):
         gateway = f"aadi{number}_gateway"
-        state, reason = ("no such gateway", f"{gateway} is not on the hub") if gateway == lost else ("active", "")
+        state, reason = (
+            ("no such gateway", f"{gateway} is not on the hub")
+            if gateway == lost
+            else ("active", "")
+        )
         for topic in ("/tf", f"/{name}/move_base/NavfnROS/plan"):
             values = {
                 "action": "flip",
@@ -168,7 +200,9 @@ def rules(names, lost):
                 "state": state,
                 "reason": reason,
             }
-            found.status.append(DiagnosticStatus(name=topic, values=[KeyValue(*one) for one in values.items()]))
+            found.status.append(
+                DiagnosticStatus(name=topic, values=[KeyValue(*one) for one in values.items()])
+            )
     return found
 
 
@@ -199,7 +233,10 @@ def main(count, rate, samples):
     rospy.Subscriber("/stand_in/join", Empty, join)
     plan = rospy.Publisher("/map", OccupancyGrid, queue_size=1, latch=True)
     plan.publish(room())
-    clock, tf = rospy.Publisher("/clock", Clock, queue_size=1), rospy.Publisher("/tf", TFMessage, queue_size=10)
+    clock, tf = (
+        rospy.Publisher("/clock", Clock, queue_size=1),
+        rospy.Publisher("/tf", TFMessage, queue_size=10),
+    )
     factor = rospy.Publisher("/gazebo/real_time_factor", Float64, queue_size=1)
     rospy.set_param("/robot_names", names)
     camera = rospy.Publisher(f"/{names[0]}/camera/image_raw", Image, queue_size=1)
@@ -214,7 +251,9 @@ def main(count, rate, samples):
         for robot in robots:
             robot.move(1 / rate)
             robot.publish_odometry(stamp)
-            tf.publish(TFMessage([transform(f"{robot.name}/odom", f"{robot.name}/base_link", stamp)]))
+            tf.publish(
+                TFMessage([transform(f"{robot.name}/odom", f"{robot.name}/base_link", stamp)])
+            )
             if ticks % max(1, round(rate / RATE)) == 0:
                 robot.drive()
             if ticks % max(1, round(rate / 10)) == 0:
@@ -224,7 +263,9 @@ def main(count, rate, samples):
             factor.publish(1.0)
             if camera.get_num_connections():
                 cells = np.full((48, 64, 3), (200, ticks % 256, 40), np.uint8)
-                camera.publish(Image(width=64, height=48, step=192, encoding="rgb8", data=cells.tobytes()))
+                camera.publish(
+                    Image(width=64, height=48, step=192, encoding="rgb8", data=cells.tobytes())
+                )
 
 
 def transform(parent, child, stamp):

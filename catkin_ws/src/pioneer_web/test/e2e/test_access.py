@@ -11,15 +11,29 @@ from websockets.sync.client import connect
 from pioneer_harness.wait import wait_until
 from tcpros.client import Client
 
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 STOP = 1.0
 """A stop may take 0.2 s at most; this limit leaves room for a busy machine [s]."""
-PATHS = ("/", "/map.png", "/metrics", "/static/fleet.js", "/_nicegui_ws/socket.io/?EIO=4&transport=polling", "/docs")
+PATHS = (
+    "/",
+    "/map.png",
+    "/metrics",
+    "/static/fleet.js",
+    "/_nicegui_ws/socket.io/?EIO=4&transport=polling",
+    "/docs",
+)
 
 
 def live(fleet, path="/live", **headers):
-    return connect(fleet.url.replace("http", "ws") + path, additional_headers=headers, max_size=None, open_timeout=30)
+    return connect(
+        fleet.url.replace("http", "ws") + path,
+        additional_headers=headers,
+        max_size=None,
+        open_timeout=30,
+    )
 
 
 def ask(socket, **command):
@@ -36,7 +50,9 @@ def answer_from(socket):
 
 def subscribed(fleet):
     """Returns the topics that the page's node subscribes to."""
-    return [topic for topic, nodes in fleet.master.system_state()[1].items() if "/fleet_page" in nodes]
+    return [
+        topic for topic, nodes in fleet.master.system_state()[1].items() if "/fleet_page" in nodes
+    ]
 
 
 def test_nothing_is_subscribed_while_no_page_is_open(fleet):
@@ -88,7 +104,13 @@ def test_an_unauthenticated_client_gets_401_and_no_data(fleet, path):
 
 
 @pytest.mark.parametrize(
-    "path", ["/live", "/foxglove", "/foxglove/wrong-token", "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"]
+    "path",
+    [
+        "/live",
+        "/foxglove",
+        "/foxglove/wrong-token",
+        "/_nicegui_ws/socket.io/?EIO=4&transport=websocket",
+    ],
 )
 def test_an_unauthenticated_client_gets_no_socket(fleet, path):
     with pytest.raises(InvalidStatus), live(fleet, path):
@@ -112,9 +134,14 @@ def test_a_token_becomes_a_session_that_scripts_cannot_read(fleet):
 def test_a_page_of_another_origin_gets_no_socket_with_the_users_cookie(fleet):
     cookie = fleet.login(fleet.token)
     for path in ("/live", "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"):
-        with pytest.raises(InvalidStatus), live(fleet, path, Cookie=cookie, Origin="http://evil.example"):
+        with (
+            pytest.raises(InvalidStatus),
+            live(fleet, path, Cookie=cookie, Origin="http://evil.example"),
+        ):
             pass
-    assert fleet.request("/login", data=fleet.token.encode(), Origin="http://evil.example")[0] == 403
+    assert (
+        fleet.request("/login", data=fleet.token.encode(), Origin="http://evil.example")[0] == 403
+    )
     with live(fleet, Cookie=cookie, Origin=fleet.url) as socket:
         assert b"pioneer1.pose" in socket.recv(30)
 

@@ -19,7 +19,9 @@ from websockets.sync.client import connect
 
 from pioneer_harness.wait import wait_until
 
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 STOP = 0.3
 """Maximum time from an operator's STOP to its answer, which follows the zero commands, under attack [s]."""
@@ -34,7 +36,9 @@ def target(tmp_path_factory):
     folder = tmp_path_factory.mktemp("attack")
     modules = folder / "modules"
     modules.mkdir()
-    (modules / "hangs.py").write_text("import threading\nprint('imported', flush=True)\nthreading.Event().wait()\n")
+    (modules / "hangs.py").write_text(
+        "import threading\nprint('imported', flush=True)\nthreading.Event().wait()\n"
+    )
     path = f"{modules}:{os.environ.get('PYTHONPATH', '')}"
     with served(folder, variables={"PYTHONPATH": path}) as fleet:
         yield fleet
@@ -44,7 +48,9 @@ def target(tmp_path_factory):
 def operator(fleet):
     """Yields a function that sends a command and returns the time until its answer [s]; zeros precede that of STOP."""
     url = fleet.url.replace("http", "ws") + "/live"
-    with connect(url, additional_headers={"Cookie": fleet.login(fleet.token)}, max_size=None, open_timeout=30) as live:
+    with connect(
+        url, additional_headers={"Cookie": fleet.login(fleet.token)}, max_size=None, open_timeout=30
+    ) as live:
 
         def ask(do):
             began = time.monotonic()
@@ -69,7 +75,9 @@ def slowest_stop(ask):
 @contextlib.contextmanager
 def repeated(*actions):
     """Repeats each action in a thread of another process until the end."""
-    process = multiprocessing.get_context("fork").Process(target=_repeat_all, args=(actions,), daemon=True)
+    process = multiprocessing.get_context("fork").Process(
+        target=_repeat_all, args=(actions,), daemon=True
+    )
     process.start()
     try:
         yield
@@ -113,19 +121,27 @@ def test_viewers_who_ask_the_doctor_do_not_delay_a_stop(target, driver):
     WebDriverWait(driver, 60).until(lambda _: driver.find_elements(By.XPATH, network))[0].click()
     button = WebDriverWait(driver, 60).until(lambda _: driver.find_elements(By.XPATH, DOCTOR))[0]
     with operator(target) as ask:
-        driver.execute_script("for (let i = 0; i < arguments[1]; i++) arguments[0].click()", button, CLICKS)
+        driver.execute_script(
+            "for (let i = 0; i < arguments[1]; i++) arguments[0].click()", button, CLICKS
+        )
         assert slowest_stop(ask) <= STOP
-        wait_until(lambda: driver.find_elements(By.CSS_SELECTOR, ".finding"), "the doctor's findings", 90)
+        wait_until(
+            lambda: driver.find_elements(By.CSS_SELECTOR, ".finding"), "the doctor's findings", 90
+        )
 
 
 def test_viewers_who_flood_the_server_do_not_delay_a_stop(target):
     cookie = target.login(target.viewer)
-    words = json.dumps({"op": "subscribe", "subscriptions": [{"id": n, "channelId": 1} for n in range(5000)]})
+    words = json.dumps(
+        {"op": "subscribe", "subscriptions": [{"id": n, "channelId": 1} for n in range(5000)]}
+    )
     frame = json.dumps({"do": "drive", "robots": ["pioneer1"] * 1000, "x": 0, "y": 0})
 
     def chat(path, text):
         url = target.url.replace("http", "ws") + path
-        with connect(url, additional_headers={"Cookie": cookie}, max_size=None, open_timeout=30) as socket_:
+        with connect(
+            url, additional_headers={"Cookie": cookie}, max_size=None, open_timeout=30
+        ) as socket_:
             for _ in range(200):
                 socket_.send(text)
 
@@ -143,7 +159,9 @@ def test_unfinished_requests_do_not_delay_a_stop_or_keep_others_out(target):
     def half_open():
         with contextlib.ExitStack() as stack:
             for _ in range(300):
-                connection = stack.enter_context(socket.create_connection((parts.hostname, parts.port), 5))
+                connection = stack.enter_context(
+                    socket.create_connection((parts.hostname, parts.port), 5)
+                )
                 connection.sendall(b"GET / HTTP/1.1\r\nHost: x\r\nX-")
 
     with operator(target) as ask, repeated(half_open, half_open):

@@ -20,7 +20,9 @@ from websockets.sync.client import connect
 
 from pioneer_web.core.robot import STALE
 
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 
 def test_tf_and_scans_come_as_raw_ros1_with_their_definition(fleet):
@@ -29,10 +31,16 @@ def test_tf_and_scans_come_as_raw_ros1_with_their_definition(fleet):
         channel = one.channels["/pioneer1/base_scan"]
         assert (channel["encoding"], channel["schemaEncoding"]) == ("ros1", "ros1msg")
         # A class generated from the channel's schema alone decodes the messages.
-        reader = genpy.dynamic.generate_dynamic("sensor_msgs/LaserScan", channel["schema"])["sensor_msgs/LaserScan"]
+        reader = genpy.dynamic.generate_dynamic("sensor_msgs/LaserScan", channel["schema"])[
+            "sensor_msgs/LaserScan"
+        ]
         assert reader._md5sum == LaserScan._md5sum
         tf, scan = one.messages(tf="/tf", scan="/pioneer1/base_scan")
-        assert TFMessage().deserialize(tf).transforms[0].header.frame_id in ("map", "pioneer1/odom", "pioneer2/odom")
+        assert TFMessage().deserialize(tf).transforms[0].header.frame_id in (
+            "map",
+            "pioneer1/odom",
+            "pioneer2/odom",
+        )
         assert len(reader().deserialize(scan).ranges) == 180
 
 
@@ -62,7 +70,11 @@ def test_a_goal_that_a_client_publishes_reaches_the_robot(fleet):
         goal.pose.position.x = -1.0
         publish(one, 7, goal)
         one.await_topic("/pioneer2/map_goal_client/queue")
-        while not WaypointQueue().deserialize(one.messages(queue="/pioneer2/map_goal_client/queue")[0]).received:
+        while (
+            not WaypointQueue()
+            .deserialize(one.messages(queue="/pioneer2/map_goal_client/queue")[0])
+            .received
+        ):
             pass
 
 
@@ -86,7 +98,10 @@ def test_a_viewers_client_reads_and_cannot_publish(fleet):
         one.await_topic("/pioneer1/base_scan")
         assert one.messages(scan="/pioneer1/base_scan")
         one.send(
-            op="advertise", channels=[{"id": 1, "topic": "/pioneer1/map_goal", "schemaName": "geometry_msgs/Twist"}]
+            op="advertise",
+            channels=[
+                {"id": 1, "topic": "/pioneer1/map_goal", "schemaName": "geometry_msgs/Twist"}
+            ],
         )
         assert "is read-only" in one.await_op("status")["message"]
 
@@ -115,15 +130,24 @@ def test_the_makers_own_server_is_read_by_the_same_client():
     try:
         schema = foxglove.Schema(name="std_msgs/String", encoding="ros1msg", data=b"string data")
         channel = foxglove.Channel("/word", message_encoding="ros1", schema=schema)
-        with connect(f"ws://127.0.0.1:{server.port}", subprotocols=["foxglove.sdk.v1"], open_timeout=WAIT) as socket:
+        with connect(
+            f"ws://127.0.0.1:{server.port}", subprotocols=["foxglove.sdk.v1"], open_timeout=WAIT
+        ) as socket:
             one = Client(socket)
             one.await_topic("/word")
-            one.send(op="subscribe", subscriptions=[{"id": 1, "channelId": one.channels["/word"]["id"]}])
+            one.send(
+                op="subscribe", subscriptions=[{"id": 1, "channelId": one.channels["/word"]["id"]}]
+            )
             assert subscribed.wait(WAIT)
             channel.log(body(String("raw")))
             while not (isinstance(frame := one.take(), bytes) and frame[0] == 1):
                 pass
             assert String().deserialize(frame[13:]).data == "raw"
-            assert one.channels["/word"].keys() >= {"encoding", "schemaName", "schema", "schemaEncoding"}
+            assert one.channels["/word"].keys() >= {
+                "encoding",
+                "schemaName",
+                "schema",
+                "schemaEncoding",
+            }
     finally:
         server.stop()

@@ -12,7 +12,9 @@ from websockets.sync.client import connect
 
 from pioneer_harness.wait import wait_until
 
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 COUNT, SOON = 15, 60.0
 NAMES = [f"pioneer{number}" for number in range(1, COUNT + 1)]
 WATCHED = 3.0
@@ -39,7 +41,9 @@ def test_fifteen_robots_are_on_the_map_and_in_the_table(fifteen, driver, shot):
     driver.get(f"{fifteen.url}/#{fifteen.token}")
     wait_until(lambda: shown(driver) == NAMES, "all robots on the map", SOON)
     wait_until(lambda: all(known(driver, f"{name}.scan") for name in NAMES), "a scan of each", SOON)
-    wait_until(lambda: len(driver.execute_script("return fleetPage.labels()")) == COUNT, "the labels", SOON)
+    wait_until(
+        lambda: len(driver.execute_script("return fleetPage.labels()")) == COUNT, "the labels", SOON
+    )
     faults = [known(driver, f"{name}.row")["fault"] for name in NAMES]
     assert faults == [""] * COUNT
     shot("fifteen")
@@ -68,7 +72,9 @@ def test_a_robot_that_joins_is_shown_on_a_page_that_is_open_and_can_be_sent(fift
     wait_until(lambda: shown(driver) == NAMES, "all robots on the map", SOON)
     publish(fifteen, "/stand_in/join", "std_msgs/Empty", "{}")
     wait_until(lambda: shown(driver) == [*NAMES, "pioneer16"], "the one that joined", SOON)
-    wait_until(lambda: driver.find_elements(By.CSS_SELECTOR, '[data-robot="pioneer16"]'), "its row", SOON)
+    wait_until(
+        lambda: driver.find_elements(By.CSS_SELECTOR, '[data-robot="pioneer16"]'), "its row", SOON
+    )
     with connect(
         fifteen.url.replace("http", "ws") + "/live",
         additional_headers={"Cookie": fifteen.login(fifteen.token)},

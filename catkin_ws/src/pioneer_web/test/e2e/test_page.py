@@ -13,7 +13,9 @@ from pioneer_fleet.adapters.recording import messages_of
 from pioneer_harness.wait import wait_until
 
 # Selenium leaves a connection to its driver open.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 
 CAMERA = "/pioneer1/camera/image_raw"
@@ -46,20 +48,26 @@ def test_stop_all_holds_the_robots_until_they_are_released(driver, opened, shot)
     before = place(opened)
     shot("stopped")
     send_to(driver, 3.0, 0.0)
-    wait_until(lambda: "release first" in driver.find_element(By.ID, "answers").text, "the refusal", SOON)
+    wait_until(
+        lambda: "release first" in driver.find_element(By.ID, "answers").text, "the refusal", SOON
+    )
     assert math.dist(place(opened)[:2], before[:2]) < 0.05
     assert opened.state("pioneer1.row")["held"]
     press(driver, "release-all")
     wait_until(lambda: not opened.state("pioneer1.row")["held"], "the release", SOON)
     send_to(driver, 0.0, 0.0)
-    wait_until(lambda: math.dist(place(opened)[:2], (0.0, 0.0)) < 0.4, "the robot that obeys again", SOON)
+    wait_until(
+        lambda: math.dist(place(opened)[:2], (0.0, 0.0)) < 0.4, "the robot that obeys again", SOON
+    )
 
 
 def test_a_waypoint_replaces_those_that_wait_and_append_does_not(driver, opened):
     send_to(driver, 4.0, 2.0)
     # The robot may still have its previous waypoint.
     wait_until(
-        lambda: [goal[0] for goal in opened.state("pioneer1.goals")] == [pytest.approx(4.0, abs=0.1)],
+        lambda: (
+            [goal[0] for goal in opened.state("pioneer1.goals")] == [pytest.approx(4.0, abs=0.1)]
+        ),
         "one waypoint",
         SOON,
     )
@@ -79,7 +87,11 @@ def test_a_patrol_repeats_the_waypoints_until_they_are_dropped(driver, opened):
     send_to(driver, here[0] + 1.0, here[1])
     wait_until(lambda: len(goals(opened)) == 1, "one waypoint", SOON)
     press(driver, "patrol")
-    wait_until(lambda: "append some first" in driver.find_element(By.ID, "answers").text, "the refusal", SOON)
+    wait_until(
+        lambda: "append some first" in driver.find_element(By.ID, "answers").text,
+        "the refusal",
+        SOON,
+    )
     press(driver, "tool-append")
     driver.execute_script(MOVE, here[0], here[1])
     wait_until(lambda: len(goals(opened)) == 2, "two waypoints", SOON)
@@ -89,17 +101,27 @@ def test_a_patrol_repeats_the_waypoints_until_they_are_dropped(driver, opened):
     wait_until(lambda: opened.state("pioneer1.row")["reached"] >= before + 4, "two rounds", SOON)
     assert opened.state("pioneer1.row")["patrols"]
     press(driver, "cancel")
-    wait_until(lambda: goals(opened) == [] and not opened.state("pioneer1.row")["patrols"], "the end", SOON)
+    wait_until(
+        lambda: goals(opened) == [] and not opened.state("pioneer1.row")["patrols"], "the end", SOON
+    )
 
 
 def test_a_recording_begins_and_ends_and_can_be_downloaded(driver, opened, fleet):
     press(driver, "record")
     wait_until(lambda: opened.state("recording"), "the recording", SOON)
     path = opened.state("recording")
-    wait_until(lambda: Path(path).is_file() and Path(path).stat().st_size > 1000, "its first messages", SOON)
+    wait_until(
+        lambda: Path(path).is_file() and Path(path).stat().st_size > 1000,
+        "its first messages",
+        SOON,
+    )
     press(driver, "record")
-    link = wait_until(lambda: driver.find_elements(By.CSS_SELECTOR, "#answers a"), "the link to the file", SOON)
-    assert {"/base/pioneer1/odom", "/base/map"} <= {message.topic for message in messages_of(Path(path))}
+    link = wait_until(
+        lambda: driver.find_elements(By.CSS_SELECTOR, "#answers a"), "the link to the file", SOON
+    )
+    assert {"/base/pioneer1/odom", "/base/map"} <= {
+        message.topic for message in messages_of(Path(path))
+    }
     address = link[0].get_attribute("href").removeprefix(fleet.url)
     assert fleet.request(address)[0] == 401
     assert fleet.request(address, fleet.login(VIEWER))[2] == Path(path).read_bytes()
@@ -107,20 +129,23 @@ def test_a_recording_begins_and_ends_and_can_be_downloaded(driver, opened, fleet
 
 
 def test_camera_images_are_shown_when_asked_for(driver, opened, fleet, shot):
-    seen = (
-        "return [...document.querySelectorAll('.camera img')].some(one => one.src.includes('jpeg') && one.naturalWidth)"
-    )
+    images = "[...document.querySelectorAll('.camera img')]"
+    seen = f"return {images}.some(one => one.src.includes('jpeg') && one.naturalWidth)"
     driver.execute_script("document.querySelector('[aria-label=\"Camera images\"]').click()")
     wait_until(lambda: driver.execute_script(seen), "an image", SOON)
     shot("camera")
     driver.execute_script("[...document.querySelectorAll('.camera button')].at(-1).click()")
-    wait_until(lambda: CAMERA not in fleet.master.system_state()[1], "the end of the subscription", SOON)
+    wait_until(
+        lambda: CAMERA not in fleet.master.system_state()[1], "the end of the subscription", SOON
+    )
 
 
 def test_a_lost_gateway_is_red_with_its_reason(driver, opened, fleet, shot):
     publish(fleet, "/stand_in/lose", "std_msgs/String", "aadi2_gateway")
     began = time.monotonic()
-    wait_until(lambda: "no such gateway" in driver.find_element(By.ID, "robots").text, "its reason", SOON)
+    wait_until(
+        lambda: "no such gateway" in driver.find_element(By.ID, "robots").text, "its reason", SOON
+    )
     row = driver.find_element(By.CSS_SELECTOR, '[data-robot="pioneer2"] .bad')
     assert "aadi2_gateway is not on the hub" in row.text
     shot("lost")

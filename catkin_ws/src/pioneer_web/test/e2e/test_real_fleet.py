@@ -30,7 +30,9 @@ from pioneer_harness.wait import wait_until
 pytestmark = [
     pytest.mark.alone,
     # Selenium leaves a connection to its driver open; rospy uses a deprecated name from threading.
-    pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"),
+    pytest.mark.filterwarnings(
+        "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+    ),
     pytest.mark.filterwarnings("ignore:notifyAll:DeprecationWarning"),
 ]
 NAMES = ["pioneer1", "pioneer2"]
@@ -44,7 +46,11 @@ STOP = "const at = Date.now(); document.querySelector('[data-act=\"stop-all\"]')
 def run(tmp_path_factory):
     """Yields a fleet of two robots in small_world that accept waypoints."""
     config = FleetConfig(
-        world="small_world", real_time_factor=0.5, log=tmp_path_factory.mktemp("fleet"), web=True, token=TOKEN
+        world="small_world",
+        real_time_factor=0.5,
+        log=tmp_path_factory.mktemp("fleet"),
+        web=True,
+        token=TOKEN,
     )
     interrupt = SimpleNamespace(check=lambda: None, is_set=lambda: False)
     with FleetProcesses(config) as processes:
@@ -80,7 +86,11 @@ def heard(run):
     """Yields lists of the messages received at the simulator's master, each with its time of arrival."""
     messages = {"odom": [], "pioneer/cmd_vel": []}
     subscribers = [
-        rospy.Subscriber(f"/pioneer1/{topic}", kind, lambda one, kept=messages[topic]: kept.append((time.time(), one)))
+        rospy.Subscriber(
+            f"/pioneer1/{topic}",
+            kind,
+            lambda one, kept=messages[topic]: kept.append((time.time(), one)),
+        )
         for topic, kind in (("odom", Odometry), ("pioneer/cmd_vel", Twist))
     ]
     yield messages
@@ -110,7 +120,11 @@ def test_an_unauthenticated_client_gets_401_and_no_data(url, driver):
 
 
 def test_a_killed_page_is_started_again_and_the_fleet_keeps_running(url, run):
-    (pid,) = (member.popen.pid for member in run.processes.group._members.values() if member.name == "fleet page")
+    (pid,) = (
+        member.popen.pid
+        for member in run.processes.group._members.values()
+        if member.name == "fleet page"
+    )
     os.kill(pid, signal.SIGKILL)
     wait_until(lambda: not Path(f"/proc/{pid}").exists(), "its end", SOON)
     run.look(None, "up")
@@ -125,7 +139,11 @@ def test_both_robots_are_shown_soon_after_opening(page, record_property):
 def test_a_click_on_the_map_drives_the_robot_there(driver, page, run, shot):
     goal = (-4.5, 2.0)
     send_to(driver, *goal)
-    wait_until(lambda: known(driver, "pioneer1.plan") and known(driver, "pioneer1.goals"), "goal and plan", SOON)
+    wait_until(
+        lambda: known(driver, "pioneer1.plan") and known(driver, "pioneer1.goals"),
+        "goal and plan",
+        SOON,
+    )
     wait_until(lambda: known(driver, "pioneer1.row")["speed"] > 0.1, "the robot under way", SOON)
     shot("real-driving")
     wait_until(lambda: known(driver, "pioneer1.row")["reached"] == 1, "the waypoint reached", SOON)
@@ -139,7 +157,11 @@ def test_load_and_logs_of_the_robots_computers_are_shown(driver, page):
     wait_until(lambda: all(one() for one in loads), "the load of both computers", SOON)
     assert all(0.0 < one()[0] < 2.0 and 30 < one()[1] < 2000 for one in loads)
     send_to(driver, -4.5, 1.0)
-    wait_until(lambda: any(line[3] == "aadi1" for line in driver.execute_script(LOG)), "a line of aadi1", SOON)
+    wait_until(
+        lambda: any(line[3] == "aadi1" for line in driver.execute_script(LOG)),
+        "a line of aadi1",
+        SOON,
+    )
 
 
 def test_a_stop_reaches_the_simulator_at_once_and_holds(driver, page, heard, shot, record_property):
@@ -175,7 +197,9 @@ def test_a_client_of_foxglove_reads_tf_and_a_scan_and_sends_a_goal(url, run):
         goal.header.frame_id, goal.pose.orientation.z = "map", 1.0
         goal.pose.position.x, goal.pose.position.y = 3.2, 3.5
         publish(client, 1, goal)
-        wait_until(lambda: run.fleet.robots[1].queue.received == 1, "the goal at the robot's client", WAIT)
+        wait_until(
+            lambda: run.fleet.robots[1].queue.received == 1, "the goal at the robot's client", WAIT
+        )
 
 
 def test_a_reload_changes_nothing(driver, page):

@@ -12,7 +12,9 @@ from served import START_UP
 
 from pioneer_harness.wait import wait_until
 
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 SEEK = """const slider = document.querySelector("#replay input");
 slider.value = arguments[0]; slider.dispatchEvent(new Event("change", {bubbles: true}))"""
 
@@ -21,10 +23,20 @@ slider.value = arguments[0]; slider.dispatchEvent(new Event("change", {bubbles: 
 def recording(fleet, tmp_path):
     """Returns a recording of a few seconds with two robots."""
     path = tmp_path / "run.mcap"
-    words = [sys.executable, "-m", "pioneer_fleet.adapters.recorder", str(path), f"base={fleet.master.uri}"]
+    words = [
+        sys.executable,
+        "-m",
+        "pioneer_fleet.adapters.recorder",
+        str(path),
+        f"base={fleet.master.uri}",
+    ]
     with subprocess.Popen(words) as recorder:
         try:
-            wait_until(lambda: path.is_file() and path.stat().st_size > 300_000, "some seconds of recording", SOON)
+            wait_until(
+                lambda: path.is_file() and path.stat().st_size > 300_000,
+                "some seconds of recording",
+                SOON,
+            )
         finally:
             recorder.send_signal(signal.SIGTERM)
     assert recorder.returncode == 0
@@ -51,12 +63,18 @@ def test_a_recording_is_played_from_where_the_slider_is_put(driver, address, sho
         return (known(driver, "replay") or [-1.0])[0]
 
     wait_until(lambda: answers(opened), "the page's server", START_UP)
-    wait_until(lambda: known(driver, "pioneer1.pose") and known(driver, "pioneer2.pose"), "both robots", SOON)
+    wait_until(
+        lambda: known(driver, "pioneer1.pose") and known(driver, "pioneer2.pose"),
+        "both robots",
+        SOON,
+    )
     length = wait_until(lambda: known(driver, "replay"), "the slider", SOON)[1]
     assert driver.find_element(By.CSS_SELECTOR, "#replay input").is_displayed()
     wait_until(lambda: position() >= length - 1, "the end", SOON)
     press(driver, "simulate-pause")
-    wait_until(lambda: "simulator: pause" in driver.find_element(By.ID, "answers").text, "the pause", SOON)
+    wait_until(
+        lambda: "simulator: pause" in driver.find_element(By.ID, "answers").text, "the pause", SOON
+    )
     driver.execute_script(SEEK, 1.0)
     wait_until(lambda: position() == 1.0, "the place of the slider", SOON)
     shot("replay")

@@ -9,7 +9,9 @@ from websockets.sync.client import connect
 
 from pioneer_harness.wait import wait_until
 
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 
 def test_robots_are_held_after_a_restart_until_they_are_released(tmp_path):
@@ -34,7 +36,9 @@ def _kept(fleet):
 
 def _live(fleet):
     url = fleet.url.replace("http", "ws") + "/live"
-    return connect(url, additional_headers={"Cookie": fleet.login(fleet.token)}, max_size=None, open_timeout=30)
+    return connect(
+        url, additional_headers={"Cookie": fleet.login(fleet.token)}, max_size=None, open_timeout=30
+    )
 
 
 def _answer(fleet, do, robot, **fields):

@@ -11,7 +11,9 @@ from served import served
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 from websockets.sync.client import connect
 
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 HOURS = 0.002
 """Lifetime of a session: 7.2 s."""
 CLOSED, NOT_LOGGED_IN = 4401, 401
@@ -33,7 +35,11 @@ def fleet(tmp_path_factory):
 def live(fleet, cookie, context=None, path="/live"):
     url = fleet.url.replace("http", "ws") + path
     return connect(
-        url, additional_headers={"Cookie": cookie}, ssl=context or fleet.context, max_size=None, open_timeout=WAIT
+        url,
+        additional_headers={"Cookie": cookie},
+        ssl=context or fleet.context,
+        max_size=None,
+        open_timeout=WAIT,
     )
 
 
@@ -45,7 +51,10 @@ def test_the_page_comes_over_tls_and_its_cookie_goes_over_nothing_else(fleet):
     assert b"fleet.js" in fleet.request("/", cookie=cookie)[2]
     with live(fleet, cookie) as socket:
         assert b"pioneer1.row" in socket.recv(WAIT)
-    with pytest.raises(ssl.SSLCertVerificationError), live(fleet, cookie, ssl.create_default_context()):
+    with (
+        pytest.raises(ssl.SSLCertVerificationError),
+        live(fleet, cookie, ssl.create_default_context()),
+    ):
         pass
 
 

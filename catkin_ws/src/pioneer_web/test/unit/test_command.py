@@ -19,7 +19,10 @@ def command(**fields):
 
 def test_a_waypoint_has_a_place_and_a_heading():
     found = command(do="drive", robots=["pioneer2"], x=1, y=-2.5, yaw=7.0, append=True)
-    assert found == ("drive", {"places": {"pioneer2": Pose(1.0, -2.5, math.remainder(7.0, math.tau))}, "append": True})
+    assert found == (
+        "drive",
+        {"places": {"pioneer2": Pose(1.0, -2.5, math.remainder(7.0, math.tau))}, "append": True},
+    )
     assert not command(do="drive", robots=["pioneer1"], x=0, y=0).arguments["append"]
 
 
@@ -31,7 +34,10 @@ def test_robots_sent_together_stand_side_by_side():
 def test_stop_release_cancel_and_the_simulator():
     assert command(do="stop", robots=ROBOTS) == ("stop", {"robots": ROBOTS})
     assert command(do="release", robots=["pioneer1"]) == ("release", {"robots": ["pioneer1"]})
-    assert command(do="cancel", robots=["pioneer1", "pioneer1"]) == ("cancel", {"robots": ["pioneer1"]})
+    assert command(do="cancel", robots=["pioneer1", "pioneer1"]) == (
+        "cancel",
+        {"robots": ["pioneer1"]},
+    )
     assert command(do="simulate", action="pause") == ("simulate", {"action": "pause"})
 
 
@@ -48,7 +54,10 @@ def test_what_is_not_understood_is_refused(text):
         command_from_text(text, ROBOTS)
 
 
-@given(st.text() | st.recursive(st.none() | st.booleans() | st.floats() | st.text(), st.lists).map(json.dumps))
+@given(
+    st.text()
+    | st.recursive(st.none() | st.booleans() | st.floats() | st.text(), st.lists).map(json.dumps)
+)
 def test_any_text_is_a_command_or_an_error(text):
     with pytest.raises(CommandError):
         command_from_text(text, ROBOTS)

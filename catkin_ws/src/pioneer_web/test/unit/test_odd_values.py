@@ -27,12 +27,19 @@ def test_a_value_that_json_cannot_hold_is_null_and_named_once() -> None:
 def test_rules_and_links_with_odd_fields_are_shown_as_far_as_they_can() -> None:
     station = Station()
     station.robots = [Robot(name="pioneer1", gateway="aadi1_gateway")]
-    station.set_rules([{"action": "flip"}, {}, {"action": "flip", "gateway": "aadi1_gateway", "state": "active"}])
+    station.set_rules(
+        [{"action": "flip"}, {}, {"action": "flip", "gateway": "aadi1_gateway", "state": "active"}]
+    )
     for number in ("nan", "inf", "1e300", "x", ""):
         values = {"rate [Hz]": number, "throughput [byte/s]": "8"}
         station.add_links([("gateway: to aadi1_gateway /tf", values)])
         network = station.values(1.0)["network"]["aadi1_gateway"]
-        assert (network["rules"], network["active"], network["rate"], network["bytes"]) == (1, 1, 0, 8)
+        assert (network["rules"], network["active"], network["rate"], network["bytes"]) == (
+            1,
+            1,
+            0,
+            8,
+        )
 
 
 def test_names_of_links_and_models_are_bounded() -> None:

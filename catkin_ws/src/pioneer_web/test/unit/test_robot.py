@@ -16,7 +16,10 @@ from pioneer_web.core.stream import Stream
 @pytest.fixture
 def robot():
     one = Robot(
-        name="pioneer1", gateway="aadi1_gateway", correction=Pose(1.0, 0.0, math.pi / 2), odometry=Pose(2.0, 0.0)
+        name="pioneer1",
+        gateway="aadi1_gateway",
+        correction=Pose(1.0, 0.0, math.pi / 2),
+        odometry=Pose(2.0, 0.0),
     )
     one.add_odom(10.0, 5.0)
     one.add_scan(10.0, 5.0)

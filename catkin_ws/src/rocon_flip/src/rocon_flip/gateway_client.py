@@ -25,7 +25,9 @@ class GatewayClient:
     def __init__(self, namespace: str = "/gateway") -> None:
         self._namespace = namespace
         self._info: msg.GatewayInfo | None = None
-        self._subscriber = rospy.Subscriber(f"{namespace}/gateway_info", msg.GatewayInfo, self._take, queue_size=1)
+        self._subscriber = rospy.Subscriber(
+            f"{namespace}/gateway_info", msg.GatewayInfo, self._take, queue_size=1
+        )
 
     def _take(self, info: msg.GatewayInfo) -> None:
         self._info = info
@@ -98,7 +100,10 @@ class GatewayClient:
             if action == Action.ADVERTISE:
                 answer = self._service(action, srv.Advertise)(cancel=cancel, rules=rules)
             else:
-                remotes = [msg.RemoteRule(wish.gateway, rule) for wish, rule in zip(wishes, rules, strict=True)]
+                remotes = [
+                    msg.RemoteRule(wish.gateway, rule)
+                    for wish, rule in zip(wishes, rules, strict=True)
+                ]
                 answer = self._service(action, srv.Remote)(remotes=remotes, cancel=cancel)
         except rospy.ServiceException as error:
             return msg.ErrorCodes.HUB_UNKNOWN_ERROR, f"the gateway did not answer: {error}"

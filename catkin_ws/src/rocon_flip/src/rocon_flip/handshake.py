@@ -37,7 +37,9 @@ class SenderConfig:
     def __post_init__(self) -> None:
         """Raises RuleSetError for invalid parameter values."""
         if not self.gateway or self.count < 1 or self.timeout <= 0:
-            raise RuleSetError("test_sender: ~gateway must be named, ~count at least 1, ~timeout greater than 0")
+            raise RuleSetError(
+                "test_sender: ~gateway must be named, ~count at least 1, ~timeout greater than 0"
+            )
 
 
 class ReceiverNode:
@@ -132,7 +134,9 @@ class OriginalPublisherNode:
     def __init__(self) -> None:
         self._greeting = rospy.Publisher("original_message", String, queue_size=10, latch=True)
         self._acknowledgement = rospy.Publisher("msg_ack", Bool, queue_size=10, latch=True)
-        self._answers = rospy.Subscriber("/receiver/handshake", String, self._acknowledge, queue_size=10)
+        self._answers = rospy.Subscriber(
+            "/receiver/handshake", String, self._acknowledge, queue_size=10
+        )
         self._greeting.publish(String("Hello from the sender!"))
 
     def _acknowledge(self, answer: String) -> None:

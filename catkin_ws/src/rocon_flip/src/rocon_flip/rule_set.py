@@ -85,9 +85,14 @@ def flipped_by_tools(robots: Sequence[str]) -> list[Wish]:
     ]
 
 
-def flipped_from_robot(robot: str, laser: str = LASER_TOPIC, gateway: str = HUB_GATEWAY) -> list[Wish]:
+def flipped_from_robot(
+    robot: str, laser: str = LASER_TOPIC, gateway: str = HUB_GATEWAY
+) -> list[Wish]:
     """Returns a robot's flips: its sensors to this gateway, its commands to the hub."""
-    sensors = [Wish("subscriber", topic_in(robot, topic), gateway=gateway) for topic in (laser, ODOMETRY_TOPIC)]
+    sensors = [
+        Wish("subscriber", topic_in(robot, topic), gateway=gateway)
+        for topic in (laser, ODOMETRY_TOPIC)
+    ]
     return [*sensors, Wish("publisher", topic_in(robot, COMMAND_TOPIC), gateway=gateway)]
 
 
@@ -104,7 +109,10 @@ def flipped_for_traffic() -> list[Wish]:
 
 def flipped_for_lockstep(robot: str, gateway: str = HUB_GATEWAY) -> list[Wish]:
     """Returns a robot's flips for lockstep with the simulator: tokens and probes to here, finished tokens back."""
-    here = [Wish("subscriber", topic_in(robot, f"lockstep/{name}"), gateway=gateway) for name in ("period", "probe")]
+    here = [
+        Wish("subscriber", topic_in(robot, f"lockstep/{name}"), gateway=gateway)
+        for name in ("period", "probe")
+    ]
     return [*here, Wish("publisher", topic_in(robot, "lockstep/done"), gateway=gateway)]
 
 

@@ -64,7 +64,12 @@ HUB = "Hub_Gateway"
             Action.FLIP,
             [Wish("publisher", "/pioneer1/map_goal", "", "aadi1_gateway")],
         ),
-        ("flip_hub_publisher.py", ["goal", "aadi2"], Action.FLIP, [Wish("publisher", "/goal", "", "aadi2_gateway")]),
+        (
+            "flip_hub_publisher.py",
+            ["goal", "aadi2"],
+            Action.FLIP,
+            [Wish("publisher", "/goal", "", "aadi2_gateway")],
+        ),
         (
             "flip_remote_subscriber.py",
             ["pioneer1", "odom", "/amcl"],
@@ -87,7 +92,12 @@ HUB = "Hub_Gateway"
                 Wish("publisher", "/pioneer2/lockstep/done", "", "Hub_Gateway"),
             ],
         ),
-        ("flip-traffic", [], Action.FLIP, [Wish("publisher", "/traffic/reports", "", "aadi.*_gateway")]),
+        (
+            "flip-traffic",
+            [],
+            Action.FLIP,
+            [Wish("publisher", "/traffic/reports", "", "aadi.*_gateway")],
+        ),
         (
             "generic_advertiser.py",
             ["-t", "odom", "-l", "pioneer1", "-n", "gazebo"],
@@ -116,7 +126,9 @@ HUB = "Hub_Gateway"
     ids=lambda value: value if isinstance(value, str) else "",
 )
 @pytest.mark.parametrize("cancel", [False, True])
-def test_a_script_asks_for_its_rule_or_takes_it_back(run, gateway, script, arguments, action, wishes, cancel) -> None:
+def test_a_script_asks_for_its_rule_or_takes_it_back(
+    run, gateway, script, arguments, action, wishes, cancel
+) -> None:
     assert run(script, *arguments, *["--cancel"] * cancel) == 0
     assert gateway.asked == [(action, wishes, cancel)]
 
@@ -125,13 +137,20 @@ def test_the_hub_flips_for_the_robots_and_the_node_of_its_command_line(run, gate
     assert run("flip-from-hub", "2", "/rviz") == 0
     ((action, wishes, cancel),) = gateway.asked
     assert (action, len(wishes), cancel) == (Action.FLIP, 12, False)
-    assert {(one.node, one.gateway) for one in wishes} == {("/rviz", "aadi1_gateway"), ("/rviz", "aadi2_gateway")}
+    assert {(one.node, one.gateway) for one in wishes} == {
+        ("/rviz", "aadi1_gateway"),
+        ("/rviz", "aadi2_gateway"),
+    }
 
 
-def test_rvizs_tools_are_flipped_for_as_many_robots_as_the_environment_says(run, gateway, monkeypatch) -> None:
+def test_rvizs_tools_are_flipped_for_as_many_robots_as_the_environment_says(
+    run, gateway, monkeypatch
+) -> None:
     monkeypatch.setenv("ROBOTS", "3")
     assert run("flip-tools-from-hub") == 0
-    assert {one.gateway for one in gateway.asked[0][1]} == {f"aadi{number}_gateway" for number in (1, 2, 3)}
+    assert {one.gateway for one in gateway.asked[0][1]} == {
+        f"aadi{number}_gateway" for number in (1, 2, 3)
+    }
 
 
 def test_a_robot_flips_for_its_own_name_and_laser(run, gateway, monkeypatch) -> None:
@@ -145,9 +164,24 @@ def test_a_robot_flips_for_its_own_name_and_laser(run, gateway, monkeypatch) -> 
 
 
 def test_one_command_pulls_or_advertises_what_all_share_and_flips(run, gateway) -> None:
-    assert run("flip-from-remote", "--pull", "pioneer2") == run("flip-from-hub", "--advertise", "1") == 0
-    assert [action for action, _, _ in gateway.asked] == [Action.PULL, Action.FLIP, Action.ADVERTISE, Action.FLIP]
-    assert [one.name for one in gateway.asked[0][1]] == ["/clock", "/map", "/tf", "/tf_static", "/world_name"]
+    assert (
+        run("flip-from-remote", "--pull", "pioneer2")
+        == run("flip-from-hub", "--advertise", "1")
+        == 0
+    )
+    assert [action for action, _, _ in gateway.asked] == [
+        Action.PULL,
+        Action.FLIP,
+        Action.ADVERTISE,
+        Action.FLIP,
+    ]
+    assert [one.name for one in gateway.asked[0][1]] == [
+        "/clock",
+        "/map",
+        "/tf",
+        "/tf_static",
+        "/world_name",
+    ]
     assert gateway.asked[1][1][0] == Wish("subscriber", "/pioneer2/base_scan", "", HUB)
     assert run("flip-from-hub", "--pull", "1") == 2
 
@@ -163,13 +197,19 @@ def test_a_refusal_is_the_scripts_status(run, gateway) -> None:
     [
         ("advertise-from-hub", ["more"], "Usage: advertise-from-hub [--cancel]"),
         ("pull_hub_publisher.py", [], "Usage: pull_hub_publisher.py topic"),
-        ("flip_remote_publisher.py", ["pioneer1", "odom"], "Usage: flip_remote_publisher.py namespace topic node"),
+        (
+            "flip_remote_publisher.py",
+            ["pioneer1", "odom"],
+            "Usage: flip_remote_publisher.py namespace topic node",
+        ),
         ("flip_hub_publisher.py", ["pioneer1", "odom", "rviz"], "3 arguments are ambiguous"),
         ("flip-from-hub", ["0"], "'0' is not a number of robots"),
         ("flip-from-hub", ["--robots"], "Usage: flip-from-hub"),
     ],
 )
-def test_a_wrong_command_line_is_one_line_and_asks_nothing(run, gateway, capsys, script, arguments, words) -> None:
+def test_a_wrong_command_line_is_one_line_and_asks_nothing(
+    run, gateway, capsys, script, arguments, words
+) -> None:
     assert run(script, *arguments) == 2
     said = capsys.readouterr().err
     assert words in said
@@ -184,5 +224,7 @@ def test_help_is_no_error(run, gateway, capsys) -> None:
 
 def test_a_topic_cannot_have_two_namespaces(run, gateway, capsys) -> None:
     with pytest.raises(SystemExit, match="2"):
-        run("generic_flip_publisher.py", "-g", HUB, "-t", "odom", "-l", "pioneer1", "-r", "pioneer2")
+        run(
+            "generic_flip_publisher.py", "-g", HUB, "-t", "odom", "-l", "pioneer1", "-r", "pioneer2"
+        )
     assert "give one namespace" in capsys.readouterr().err

@@ -24,7 +24,9 @@ class Gateway:
         def call(cancel, remotes=(), rules=()):
             if self.fails:
                 raise rospy.ServiceException("gone")
-            self.calls.append((name, [one.name for one in rules] or [one.rule.name for one in remotes], cancel))
+            self.calls.append(
+                (name, [one.name for one in rules] or [one.rule.name for one in remotes], cancel)
+            )
             result = self.answers.pop(0) if self.answers else msg.ErrorCodes.SUCCESS
             return kind._response_class(result=result, error_message="a reason" if result else "")
 

@@ -19,7 +19,13 @@ from rocon_flip.rule_set import (
 
 
 def test_the_hub_advertises_what_the_robots_pull() -> None:
-    assert [wish.name for wish in advertised_by_hub()] == ["/clock", "/map", "/tf", "/tf_static", "/world_name"]
+    assert [wish.name for wish in advertised_by_hub()] == [
+        "/clock",
+        "/map",
+        "/tf",
+        "/tf_static",
+        "/world_name",
+    ]
     assert [(wish.name, wish.gateway) for wish in pulled_from_hub()] == [
         (wish.name, "Hub_Gateway") for wish in advertised_by_hub()
     ]
@@ -50,7 +56,9 @@ def test_the_hub_flips_six_topics_a_robot_to_every_node_or_one() -> None:
     assert {(wish.kind, wish.node) for wish in wishes} == {("subscriber", "")}
     assert Wish("subscriber", "/pioneer2/move_base/NavfnROS/plan", "", "aadi2_gateway") in wishes
     assert Wish("subscriber", "/tf", "", "aadi1_gateway") in wishes
-    assert Wish("subscriber", "/tf", "/rviz", "aadi1_gateway") in flipped_from_hub(["pioneer1"], "/rviz")
+    assert Wish("subscriber", "/tf", "/rviz", "aadi1_gateway") in flipped_from_hub(
+        ["pioneer1"], "/rviz"
+    )
 
 
 def test_rvizs_tools_reach_the_robots() -> None:
@@ -79,8 +87,12 @@ def test_the_number_of_robots_is_an_argument_or_a_variable_or_fifteen() -> None:
 
 def test_robots_of_other_names_and_lasers_have_their_rules() -> None:
     robots = robot_names(["pioneer1", "rover"], {})
-    assert Wish("subscriber", "/rover/move_base/NavfnROS/plan", "", "aadi2_gateway") in flipped_from_hub(robots)
-    assert Wish("subscriber", "/rover/scan", "", "Hub_Gateway") in flipped_from_robot("rover", "scan")
+    assert Wish(
+        "subscriber", "/rover/move_base/NavfnROS/plan", "", "aadi2_gateway"
+    ) in flipped_from_hub(robots)
+    assert Wish("subscriber", "/rover/scan", "", "Hub_Gateway") in flipped_from_robot(
+        "rover", "scan"
+    )
 
 
 def test_the_robots_name_is_an_argument_or_a_variable_or_the_hosts() -> None:

@@ -48,7 +48,9 @@ class RobotLocator:
         store = TransformStore(self._node.now, lambda text: self._node.logger.warning("%s", text))
         self._subscribers = [
             self._node.subscribe("/tf", RawTFMessage, lambda one, _sender: store.take(one.buffer)),
-            self._node.subscribe("/tf_static", RawTFMessage, lambda one, _sender: store.take_static(one.buffer)),
+            self._node.subscribe(
+                "/tf_static", RawTFMessage, lambda one, _sender: store.take_static(one.buffer)
+            ),
         ]
         return store
 

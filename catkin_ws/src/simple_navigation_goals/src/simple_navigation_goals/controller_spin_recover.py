@@ -59,8 +59,14 @@ class SpinRecoverNode:
 
     def _checked(self, limit: Any) -> float:
         limit = 1.0 if limit is None else limit
-        if isinstance(limit, bool) or not isinstance(limit, int | float) or not 0.0 < limit < math.inf:
-            raise ParameterError(f"parameter {self._limit} must be a positive number, not {limit!r}")
+        if (
+            isinstance(limit, bool)
+            or not isinstance(limit, int | float)
+            or not 0.0 < limit < math.inf
+        ):
+            raise ParameterError(
+                f"parameter {self._limit} must be a positive number, not {limit!r}"
+            )
         return float(limit)
 
     def _reload(self, limit: Any) -> None:

@@ -37,7 +37,9 @@ def waypoint_from_pose(message: PoseStamped, frame: str) -> Waypoint:
 def pose_from_waypoint(waypoint: Waypoint, stamp: Any) -> PoseStamped:
     """Returns ``waypoint`` as a PoseStamped at ``stamp`` (genpy.Time)."""
     turn = Quaternion(0.0, 0.0, math.sin(waypoint.yaw / 2.0), math.cos(waypoint.yaw / 2.0))
-    return PoseStamped(Header(0, stamp, waypoint.frame), Pose(Point(waypoint.x, waypoint.y, 0.0), turn))
+    return PoseStamped(
+        Header(0, stamp, waypoint.frame), Pose(Point(waypoint.x, waypoint.y, 0.0), turn)
+    )
 
 
 def message_from_queue(queue: WaypointQueue, frame: str, stamp: Any) -> WaypointQueueMessage:

@@ -90,7 +90,9 @@ class GoalClientNode:
         config = config_from_mapping(GoalClientConfig, node.parameters(), node.name)
         self._node, self._frame, self._locate = node, frame, locate
         self._queue, self._file = WaypointQueue(config), QueueFile(config.queue_file)
-        self._unwritten = StandingWarning("waypoints are remembered again", _FILE_PERIOD, node.logger)
+        self._unwritten = StandingWarning(
+            "waypoints are remembered again", _FILE_PERIOD, node.logger
+        )
         self._present = False
         self._due_since: float | None = None
         self._resting_since: float | None = None
@@ -98,7 +100,9 @@ class GoalClientNode:
         self._acts = node.every(_TICK, self._act)
         self._move_base = MoveBase(node, config.action, self._on_done)
         #: cancels what a server that has ended still makes move_base do
-        self._cancels = node.advertise("move_base/cancel", GoalID) if config.action != "move_base" else None
+        self._cancels = (
+            node.advertise("move_base/cancel", GoalID) if config.action != "move_base" else None
+        )
         node.subscribe(topic, Twist, partial(self._on_waypoint, waypoint_from_twist))
         node.subscribe(f"{topic}_pose", PoseStamped, partial(self._on_waypoint, waypoint_from_pose))
         node.subscribe("~cancel", EmptyMessage, self._clear)
@@ -124,7 +128,9 @@ class GoalClientNode:
         except QueueFileError as error:
             self._node.logger.warning("%s; starting without", error)
 
-    def _on_waypoint(self, convert: Callable[[Any, str], Waypoint], message: Any, _sender: str) -> None:
+    def _on_waypoint(
+        self, convert: Callable[[Any, str], Waypoint], message: Any, _sender: str
+    ) -> None:
         try:
             waypoint = convert(message, self._frame)
         except WaypointError as error:
@@ -142,7 +148,9 @@ class GoalClientNode:
     def _on_patrol(self, _request: TriggerRequest) -> TriggerResponse:
         path = self._node.parameter("~patrol", "")
         if not path:
-            return TriggerResponse(False, f"parameter {self._node.resolved('~patrol')} is not set to a file")
+            return TriggerResponse(
+                False, f"parameter {self._node.resolved('~patrol')} is not set to a file"
+            )
         try:
             patrol = read_patrol(Path(str(path)), self._frame)
         except PatrolError as error:
@@ -150,7 +158,9 @@ class GoalClientNode:
         if self._queue.patrol(patrol):
             self._move_base.cancel()
         self._acts.now()
-        return TriggerResponse(True, f"{len(patrol.waypoints)} waypoints, {patrol.rounds or 'endless'} rounds")
+        return TriggerResponse(
+            True, f"{len(patrol.waypoints)} waypoints, {patrol.rounds or 'endless'} rounds"
+        )
 
     def _on_done(self, _serial: int, outcome: Outcome, text: str) -> None:
         self._queue.finished(outcome, text)
@@ -206,7 +216,9 @@ class GoalClientNode:
         if not events:
             return
         for event in events:
-            (self._node.logger.warning if event.trouble else self._node.logger.info)("%s", event.text)
+            (self._node.logger.warning if event.trouble else self._node.logger.info)(
+                "%s", event.text
+            )
         self._publish()
 
     def _publish(self) -> None:

@@ -5,7 +5,12 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
-from move_base_msgs.msg import MoveBaseActionFeedback, MoveBaseActionGoal, MoveBaseActionResult, MoveBaseGoal
+from move_base_msgs.msg import (
+    MoveBaseActionFeedback,
+    MoveBaseActionGoal,
+    MoveBaseActionResult,
+    MoveBaseGoal,
+)
 from std_msgs.msg import Header
 
 from simple_navigation_goals.queue import Outcome
@@ -60,7 +65,9 @@ class MoveBase:
         on_done: called with (serial, outcome, text) when the goal with number ``serial`` (see ``send``) has ended.
     """
 
-    def __init__(self, node: _Handle, name: str, on_done: Callable[[int, Outcome, str], object]) -> None:
+    def __init__(
+        self, node: _Handle, name: str, on_done: Callable[[int, Outcome, str], object]
+    ) -> None:
         self._node, self._on_done = node, on_done
         self._goals = node.advertise(f"{name}/goal", MoveBaseActionGoal)
         self._cancels = node.advertise(f"{name}/cancel", GoalID)
@@ -84,8 +91,12 @@ class MoveBase:
         self._serial += 1
         stamp = self._node.stamp()
         # The same format as actionlib's goal ids.
-        self._goal = _Goal(self._serial, f"{self._node.name}-{self._serial}-{stamp.secs}.{stamp.nsecs}")
-        self._goals.publish(MoveBaseActionGoal(Header(0, stamp, ""), GoalID(stamp, self._goal.id), goal))
+        self._goal = _Goal(
+            self._serial, f"{self._node.name}-{self._serial}-{stamp.secs}.{stamp.nsecs}"
+        )
+        self._goals.publish(
+            MoveBaseActionGoal(Header(0, stamp, ""), GoalID(stamp, self._goal.id), goal)
+        )
         return self._serial
 
     def serial_of(self, goal_id: str) -> int:
@@ -109,7 +120,9 @@ class MoveBase:
         goal = self._goal
         if goal is None:
             return
-        status = next((one.status for one in message.status_list if one.goal_id.id == goal.id), None)
+        status = next(
+            (one.status for one in message.status_list if one.goal_id.id == goal.id), None
+        )
         if status is not None:
             goal.listed, goal.ended = True, status in _OUTCOMES
         elif goal.listed and not goal.ended:

@@ -40,7 +40,9 @@ def patrol_from_mapping(fields: Any, frame: str) -> Patrol:
         raise PatrolError("a patrol needs waypoints: a list of {x, y, heading, wait}")
     frame = str(fields.get("frame", frame)).strip("/")
     return Patrol(
-        tuple(_waypoint(entry, frame, f"waypoint {number}") for number, entry in enumerate(listed, 1)),
+        tuple(
+            _waypoint(entry, frame, f"waypoint {number}") for number, entry in enumerate(listed, 1)
+        ),
         _rounds(fields.get("loop", False)),
     )
 
@@ -64,7 +66,9 @@ def _waypoint(fields: Any, frame: str, what: str) -> Waypoint:
             raise PatrolError(f"{what}: {name} must be a number, not {value!r}")
         values[name] = float(value)
     try:
-        return Waypoint(values["x"], values["y"], math.radians(values["heading"]), frame, values["wait"])
+        return Waypoint(
+            values["x"], values["y"], math.radians(values["heading"]), frame, values["wait"]
+        )
     except WaypointError as error:
         raise PatrolError(f"{what}: {error}") from None
 

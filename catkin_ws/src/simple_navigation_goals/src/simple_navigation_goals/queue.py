@@ -79,7 +79,9 @@ class WaypointQueue:
         #: reached: number of waypoints that move_base reported as reached
         #: received: number of waypoints accepted since the start
         self.received = self.reached = self.aborted = 0
-        self.current: Waypoint | None = None  #: the waypoint sent or to be sent next; None if there is none
+        self.current: Waypoint | None = (
+            None  #: the waypoint sent or to be sent next; None if there is none
+        )
         self.waiting: deque[Waypoint] = deque()  #: the waypoints after it
         self.text = ""  #: the latest event
         self._number = 0  # number of the current waypoint, in order of arrival
@@ -162,7 +164,9 @@ class WaypointQueue:
         """Records that move_base has disconnected; an active waypoint will be due again after a reconnect."""
         self._server = self._under_way = False
         self._say(
-            "move_base disconnected" + (f"; {self._named()} will be sent again" if self.current else ""), trouble=True
+            "move_base disconnected"
+            + (f"; {self._named()} will be sent again" if self.current else ""),
+            trouble=True,
         )
 
     def finished(self, outcome: Outcome, reason: str = "") -> None:
@@ -181,10 +185,15 @@ class WaypointQueue:
                 self._give_up(f": {reason}" if reason else "")
             case Outcome.CANCELLED:
                 self._held = bool(self.waiting or self._patrol)
-                self._say(f"{self._named()} was cancelled by another client{self._remainder()}", trouble=True)
+                self._say(
+                    f"{self._named()} was cancelled by another client{self._remainder()}",
+                    trouble=True,
+                )
                 self._drop_current()
             case Outcome.LOST:
-                self._say(f"move_base no longer knows {self._named()}; it is sent again", trouble=True)
+                self._say(
+                    f"move_base no longer knows {self._named()}; it is sent again", trouble=True
+                )
         self._go_round()
 
     def take_events(self) -> list[Event]:
@@ -212,14 +221,24 @@ class WaypointQueue:
     def _go_round(self) -> None:
         """Starts the next round of a patrol once the last one is over; ends it after a round without success."""
         patrol = self._patrol
-        if patrol is None or self.current is not None or self.waiting or self._held or self.rest > 0.0:
+        if (
+            patrol is None
+            or self.current is not None
+            or self.waiting
+            or self._held
+            or self.rest > 0.0
+        ):
             return
         if self._round > 0 and self.reached == self._reached_before:
             self._patrol = None
-            self._say(f"the patrol ends: no waypoint of round {self._round} was reached", trouble=True)
+            self._say(
+                f"the patrol ends: no waypoint of round {self._round} was reached", trouble=True
+            )
         elif self._round == patrol.rounds > 0:
             self._patrol = None
-            self._say(f"the patrol is done: {self._round} rounds of {len(patrol.waypoints)} waypoints")
+            self._say(
+                f"the patrol is done: {self._round} rounds of {len(patrol.waypoints)} waypoints"
+            )
         else:
             self._round += 1
             self._reached_before = self.reached

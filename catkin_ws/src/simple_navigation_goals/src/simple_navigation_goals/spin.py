@@ -17,7 +17,9 @@ class SpinState:
     now: float = 0.0  #: time of the newest step [s]
     #: start of the time with an active goal but without a moving command [s]; None if the robot does not stand
     standing_since: float | None = None
-    turning_until: float | None = None  #: end of the current turn [s]; None if the robot does not turn
+    turning_until: float | None = (
+        None  #: end of the current turn [s]; None if the robot does not turn
+    )
     direction: float = 1.0  #: turning direction commanded last: 1 counter-clockwise, -1 clockwise
     active: bool = False  #: whether move_base has an active goal
     blind: bool = False  #: whether move_base stops the robot because an input is missing
@@ -28,7 +30,9 @@ class SpinState:
         return self.turning_until is not None
 
 
-def commanded(state: SpinState, max_vel_theta: float, linear: float, angular: float, now: float) -> SpinState:
+def commanded(
+    state: SpinState, max_vel_theta: float, linear: float, angular: float, now: float
+) -> SpinState:
     """Returns the state after move_base commanded ``linear`` [m/s] and ``angular`` [rad/s] at ROS time ``now`` [s].
 
     A command that drives, or turns at the local planner's ``max_vel_theta`` [rad/s], ends the standing. A command that
@@ -63,7 +67,9 @@ def advanced(state: SpinState, now: float) -> SpinState:
         return replace(state, now=now, standing_since=None, turning_until=None)
     if state.turning_until is not None:
         over = now >= state.turning_until
-        return replace(state, now=now, standing_since=None, turning_until=None if over else state.turning_until)
+        return replace(
+            state, now=now, standing_since=None, turning_until=None if over else state.turning_until
+        )
     since = now if state.standing_since is None else state.standing_since
     until = now + DURATION if now - since >= PATIENCE else None
     return replace(state, now=now, standing_since=since, turning_until=until)

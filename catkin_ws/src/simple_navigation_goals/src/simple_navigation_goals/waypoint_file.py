@@ -27,7 +27,9 @@ def read_patrol(path: Path, frame: str) -> Patrol:
     except OSError as error:
         raise PatrolError(f"cannot read the patrol {path}: {error.strerror}") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise PatrolError(f"the patrol {path} is not valid YAML: {' '.join(str(error).split())}") from None
+        raise PatrolError(
+            f"the patrol {path} is not valid YAML: {' '.join(str(error).split())}"
+        ) from None
     except PatrolError as error:
         raise PatrolError(f"the patrol {path}: {error}") from None
 
@@ -67,5 +69,7 @@ class QueueFile:
             beside.write_text(json.dumps([asdict(one) for one in waypoints]) + "\n")
             beside.replace(self._path)
         except OSError as error:
-            raise QueueFileError(f"cannot remember the waypoints in {self._path}: {error}") from None
+            raise QueueFileError(
+                f"cannot remember the waypoints in {self._path}: {error}"
+            ) from None
         self._written = tuple(waypoints)

@@ -13,7 +13,9 @@ class FakeMoveBase:
 
     def __init__(self) -> None:
         self._current = None
-        self._server = ActionServer("move_base", MoveBaseAction, self._on_goal, self._on_cancel, auto_start=False)
+        self._server = ActionServer(
+            "move_base", MoveBaseAction, self._on_goal, self._on_cancel, auto_start=False
+        )
         self._server.start()
 
     def _on_goal(self, goal) -> None:

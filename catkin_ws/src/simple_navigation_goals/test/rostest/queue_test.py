@@ -39,7 +39,11 @@ class Client:
         rospy.Subscriber(f"{node}/queue", WaypointQueue, self._on_status)
         rospy.wait_for_service(f"{node}/clear", TIMEOUT)
         self.clear = rospy.ServiceProxy(f"{node}/clear", Empty)
-        wait_until(lambda: self.publisher.get_num_connections() and self.status, f"{node} to listen", TIMEOUT)
+        wait_until(
+            lambda: self.publisher.get_num_connections() and self.status,
+            f"{node} to listen",
+            TIMEOUT,
+        )
 
     def _on_status(self, status: WaypointQueue) -> None:
         self.status = status
@@ -99,12 +103,18 @@ class QueueTest(unittest.TestCase):
                 wait_until(client.sends_goals_here, f"the goals of {client.node}", TIMEOUT)
             cls.runs += 1
             name = f"move_base {cls.runs}"
-            cls.process = self.group.start(name, [sys.executable, str(FAKE)], log=self.logs / name, may_end=True)
+            cls.process = self.group.start(
+                name, [sys.executable, str(FAKE)], log=self.logs / name, may_end=True
+            )
 
     def kill_move_base(self) -> None:
         if self.process is not None:
             os.kill(self.process, signal.SIGKILL)
-            wait_until(lambda: self.map_client.status.text.startswith("move_base disconnected"), "the loss", TIMEOUT)
+            wait_until(
+                lambda: self.map_client.status.text.startswith("move_base disconnected"),
+                "the loss",
+                TIMEOUT,
+            )
             type(self).process = None
 
     def sent(self, count: int) -> list[PoseStamped]:
@@ -115,14 +125,20 @@ class QueueTest(unittest.TestCase):
     def counted(self, **added: int) -> dict[str, int]:
         return {name: getattr(self.before, name) + count for name, count in added.items()}
 
-    def test_waypoints_that_come_before_move_base_are_driven_in_order_once_it_is_there(self) -> None:
+    def test_waypoints_that_come_before_move_base_are_driven_in_order_once_it_is_there(
+        self,
+    ) -> None:
         self.kill_move_base()
         self.map_client.go(1.0, 2.0, 3.0)
         self.map_client.wait(
-            "three waypoints to wait", state=WaypointQueue.WAITING_FOR_MOVE_BASE, **self.counted(received=3)
+            "three waypoints to wait",
+            state=WaypointQueue.WAITING_FOR_MOVE_BASE,
+            **self.counted(received=3),
         )
         self.start_move_base()
-        self.map_client.wait("three waypoints reached", state=WaypointQueue.IDLE, **self.counted(reached=3))
+        self.map_client.wait(
+            "three waypoints reached", state=WaypointQueue.IDLE, **self.counted(reached=3)
+        )
         poses = self.sent(3)
         assert [pose.pose.position.x for pose in poses] == [1.0, 2.0, 3.0]
         pose = poses[0]
@@ -132,7 +148,9 @@ class QueueTest(unittest.TestCase):
     def test_a_waypoint_that_move_base_gives_up_is_skipped_and_counted(self) -> None:
         self.start_move_base()
         self.map_client.go(100.0, 1.0)
-        status = self.map_client.wait("one reached, one given up", **self.counted(reached=1, aborted=1))
+        status = self.map_client.wait(
+            "one reached, one given up", **self.counted(reached=1, aborted=1)
+        )
         assert status.state == WaypointQueue.IDLE
         assert any("gave up" in text and "too far" in text for text in self.map_client.texts)
 
@@ -168,7 +186,10 @@ class QueueTest(unittest.TestCase):
         rospy.set_param("map_goal_client/patrol", str(path))
         path.write_text("waypoints: [{x: 1.0}]")
         answer = start()
-        assert (answer.success, answer.message) == (False, f"the patrol {path}: waypoint 1 has no y")
+        assert (answer.success, answer.message) == (
+            False,
+            f"the patrol {path}: waypoint 1 has no y",
+        )
         path.write_text("{loop: 2, waypoints: [{x: 1.0, y: 0.0, wait: 0.5}, {x: 2.0, y: 0.0}]}")
         assert start().success
         status = self.map_client.wait("two rounds", **self.counted(received=4, reached=4))
@@ -180,7 +201,11 @@ class QueueTest(unittest.TestCase):
         self.start_move_base()
         self.map_client.go(-1.0, 1.0)
         self.map_client.wait("driving", state=WaypointQueue.DRIVING)
-        wait_until(lambda: self.map_client.status.waiting and self.cancel.get_num_connections(), "both", TIMEOUT)
+        wait_until(
+            lambda: self.map_client.status.waiting and self.cancel.get_num_connections(),
+            "both",
+            TIMEOUT,
+        )
         self.cancel.publish(GoalID())
         status = self.map_client.wait("held", state=WaypointQueue.IDLE)
         assert len(status.waiting) == 1

@@ -30,9 +30,19 @@ class SpinRecoverTest(unittest.TestCase):
         cls.stop = rospy.Publisher("move_base/safety_stop", String, queue_size=10)
         cls.own = rospy.Subscriber("cmd_vel", Twist, cls.on_command)
         topics = (cls.status, cls.commands, cls.stop)
-        wait_until(lambda: all(topic.impl.has_connection(NODE) for topic in topics), "the node to listen", TIMEOUT)
-        wait_until(lambda: cls.clock.impl.has_connection(NODE), "the node to hear the clock", TIMEOUT)
-        wait_until(lambda: any(link.callerid_pub == NODE for link in cls.own.impl.connections), "its topic", TIMEOUT)
+        wait_until(
+            lambda: all(topic.impl.has_connection(NODE) for topic in topics),
+            "the node to listen",
+            TIMEOUT,
+        )
+        wait_until(
+            lambda: cls.clock.impl.has_connection(NODE), "the node to hear the clock", TIMEOUT
+        )
+        wait_until(
+            lambda: any(link.callerid_pub == NODE for link in cls.own.impl.connections),
+            "its topic",
+            TIMEOUT,
+        )
         cls.node = xmlrpc.client.ServerProxy(rosgraph.Master("/spin_recover_test").lookupNode(NODE))
 
     @classmethod
@@ -46,7 +56,12 @@ class SpinRecoverTest(unittest.TestCase):
     def read_from(self, topic: str) -> int:
         """Returns how many bytes the node has read from this test."""
         _, heard, _ = self.node.getBusStats("/spin_recover_test")[2]
-        return sum(connection[1] for name, connections in heard if name == topic for connection in connections)
+        return sum(
+            connection[1]
+            for name, connections in heard
+            if name == topic
+            for connection in connections
+        )
 
     def tell(self, topic: str, publish: Callable[[], None]) -> None:
         """Publishes a message twice: once the node has read the second one, it has handled the first."""
@@ -59,11 +74,17 @@ class SpinRecoverTest(unittest.TestCase):
         """Sets the clock, publishes move_base's status, and waits until the node has handled both."""
         self.tell("/clock", lambda: self.clock.publish(Clock(rospy.Time.from_sec(self.time))))
         status = [GoalStatus(status=GoalStatus.ACTIVE)] if active else []
-        self.tell("/pioneer1/move_base/status", lambda: self.status.publish(GoalStatusArray(status_list=status)))
+        self.tell(
+            "/pioneer1/move_base/status",
+            lambda: self.status.publish(GoalStatusArray(status_list=status)),
+        )
 
     def command(self, turn: float) -> None:
         """Publishes a turn [rad/s] as move_base's command, and waits until the node has handled it."""
-        self.tell("/pioneer1/cmd_vel", lambda: self.commands.publish(Twist(Vector3(), Vector3(0.0, 0.0, turn))))
+        self.tell(
+            "/pioneer1/cmd_vel",
+            lambda: self.commands.publish(Twist(Vector3(), Vector3(0.0, 0.0, turn))),
+        )
 
     def stand_until_it_turns(self) -> float:
         """Advances time in steps with an active goal; returns how long it took until the node turned the robot."""

@@ -29,7 +29,9 @@ class FakeHandle:
 
     def advertise(self, topic: str, kind: Any) -> Any:
         sent = self.sent.setdefault(topic, [])
-        return SimpleNamespace(publish=sent.append, reaches=lambda node: self.connected and node == SERVER)
+        return SimpleNamespace(
+            publish=sent.append, reaches=lambda node: self.connected and node == SERVER
+        )
 
     def subscribe(self, topic: str, kind: Any, take: Any) -> Any:
         self.takes[topic] = take
@@ -41,7 +43,9 @@ class FakeHandle:
 
     def result(self, name: str, state: int, text: str = "") -> None:
         status = GoalStatus(GoalID(id=name), state, text)
-        self.takes["move_base/result"](MoveBaseActionResult(status=status, result=MoveBaseResult()), SERVER)
+        self.takes["move_base/result"](
+            MoveBaseActionResult(status=status, result=MoveBaseResult()), SERVER
+        )
 
 
 @pytest.fixture
@@ -84,7 +88,9 @@ def test_a_result_ends_the_goal_once(
     assert ends == [(serial, outcome, "why")]
 
 
-def test_a_goal_that_the_server_no_longer_lists_is_lost(client: MoveBase, node: FakeHandle, ends: Any) -> None:
+def test_a_goal_that_the_server_no_longer_lists_is_lost(
+    client: MoveBase, node: FakeHandle, ends: Any
+) -> None:
     serial = client.send(MoveBaseGoal())
     (goal,) = node.sent["move_base/goal"]
     node.status()
@@ -124,7 +130,9 @@ def test_what_is_said_of_a_goal_that_was_replaced_cancelled_or_forgotten_counts_
     assert len(node.sent["move_base/cancel"]) == 1
 
 
-def test_a_server_is_present_while_it_is_connected_both_ways(client: MoveBase, node: FakeHandle) -> None:
+def test_a_server_is_present_while_it_is_connected_both_ways(
+    client: MoveBase, node: FakeHandle
+) -> None:
     assert not client.present(), "no status has come"
     node.status()
     assert client.present()

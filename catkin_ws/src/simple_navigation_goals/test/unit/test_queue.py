@@ -61,7 +61,9 @@ def test_waypoints_are_sent_in_the_order_they_came_one_at_a_time() -> None:
 def test_a_reached_waypoint_is_said_with_its_number_and_place() -> None:
     queue = driving(2)
     queue.finished(Outcome.REACHED)
-    assert queue.take_events() == [("reached waypoint 1 (0.00, 0.00, 0 deg) in map, 1 waiting", False)]
+    assert queue.take_events() == [
+        ("reached waypoint 1 (0.00, 0.00, 0 deg) in map, 1 waiting", False)
+    ]
 
 
 def test_skip_continues_with_the_next() -> None:
@@ -169,7 +171,9 @@ STEPS = st.lists(
 
 
 @given(STEPS, st.sampled_from(ABORT_POLICIES))
-def test_no_waypoint_is_counted_twice_and_none_is_sent_without_move_base(steps: list[object], policy: str) -> None:
+def test_no_waypoint_is_counted_twice_and_none_is_sent_without_move_base(
+    steps: list[object], policy: str
+) -> None:
     queue = WaypointQueue(QueueConfig(on_abort=policy, retries=1))
     server = False
     for step in steps:

@@ -31,7 +31,9 @@ def test_no_path_and_no_file_are_no_waypoints(tmp_path: Path) -> None:
     assert QueueFile("").read() == QueueFile(str(tmp_path / "none")).read() == []
 
 
-@pytest.mark.parametrize("text", ["", "3", "[1]", '[{"x": 1}]', '[{"x": "a", "y": 0, "yaw": 0, "frame": "map"}]'])
+@pytest.mark.parametrize(
+    "text", ["", "3", "[1]", '[{"x": 1}]', '[{"x": "a", "y": 0, "yaw": 0, "frame": "map"}]']
+)
 def test_a_file_of_something_else_is_named(tmp_path: Path, text: str) -> None:
     path = tmp_path / "waypoints.json"
     path.write_text(text)

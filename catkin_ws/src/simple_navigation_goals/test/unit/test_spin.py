@@ -6,7 +6,9 @@ MAX_VEL_THETA = 1.0
 Command = tuple[float, float] | None
 
 
-def run(seconds: float, command: Command = None, state: SpinState | None = None, active: bool = True) -> SpinState:
+def run(
+    seconds: float, command: Command = None, state: SpinState | None = None, active: bool = True
+) -> SpinState:
     """Returns the state after ``seconds`` of status messages at 5 Hz, each after ``command`` (linear, angular)."""
     state = state or SpinState()
     start = state.now

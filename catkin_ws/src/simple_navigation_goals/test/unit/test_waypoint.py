@@ -7,7 +7,11 @@ from genpy import Time
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Twist, Vector3
 from std_msgs.msg import Header
 
-from simple_navigation_goals.conversions import pose_from_waypoint, waypoint_from_pose, waypoint_from_twist
+from simple_navigation_goals.conversions import (
+    pose_from_waypoint,
+    waypoint_from_pose,
+    waypoint_from_twist,
+)
 from simple_navigation_goals.waypoint import Waypoint, WaypointError
 
 
@@ -24,14 +28,20 @@ def test_a_number_that_is_not_finite_is_refused_by_name(name: str, bad: float) -
         Waypoint(**values, frame="map")
 
 
-@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, math.nan, 1.0), (math.inf, 0.0, 0.0, 0.0)])
+@pytest.mark.parametrize(
+    "turn", [(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, math.nan, 1.0), (math.inf, 0.0, 0.0, 0.0)]
+)
 def test_an_orientation_that_is_no_rotation_is_refused(turn: tuple[float, ...]) -> None:
     with pytest.raises(WaypointError, match="no rotation"):
         waypoint_from_pose(PoseStamped(pose=Pose(Point(1.0, 2.0, 0.0), Quaternion(*turn))), "map")
 
 
-@pytest.mark.parametrize(("given", "expected"), [("", "map"), ("/map", "map"), ("pioneer1/odom", "pioneer1/odom")])
-def test_a_pose_keeps_its_frame_without_slash_or_takes_the_clients(given: str, expected: str) -> None:
+@pytest.mark.parametrize(
+    ("given", "expected"), [("", "map"), ("/map", "map"), ("pioneer1/odom", "pioneer1/odom")]
+)
+def test_a_pose_keeps_its_frame_without_slash_or_takes_the_clients(
+    given: str, expected: str
+) -> None:
     pose = PoseStamped(Header(0, Time(), given), Pose(Point(), Quaternion(0.0, 0.0, 0.0, 1.0)))
     assert waypoint_from_pose(pose, "map").frame == expected
 

@@ -66,7 +66,16 @@ class Authority:
             _openssl("req", *_NEW_KEY, *subject, "-keyout", made / KEY, "-out", made / "request")
             signer = ("-CA", self._certificate, "-CAkey", self._key, "-days", str(self._days))
             extensions = ("-extfile", made / "extensions")
-            _openssl("x509", "-req", "-in", made / "request", *signer, *extensions, "-out", made / CERTIFICATE)
+            _openssl(
+                "x509",
+                "-req",
+                "-in",
+                made / "request",
+                *signer,
+                *extensions,
+                "-out",
+                made / CERTIFICATE,
+            )
             for file in (KEY, CERTIFICATE):
                 (made / file).replace(target / file)
         shutil.copyfile(self._certificate, target / AUTHORITY)
@@ -78,7 +87,12 @@ class Authority:
         if self._certificate.exists() or self._key.exists():
             text = f"{self._directory} has only one of {AUTHORITY} and {AUTHORITY_KEY}; name another directory"
             raise CertificateError(text)
-        means = ("-addext", "basicConstraints=critical,CA:TRUE,pathlen:0", "-addext", "keyUsage=critical,keyCertSign")
+        means = (
+            "-addext",
+            "basicConstraints=critical,CA:TRUE,pathlen:0",
+            "-addext",
+            "keyUsage=critical,keyCertSign",
+        )
         days = ("-days", str(AUTHORITY_DAYS))
         out = ("-keyout", self._key, "-out", self._certificate)
         _openssl("req", "-x509", *_NEW_KEY, "-subj", "/CN=Fleet authority", *days, *means, *out)
@@ -97,7 +111,9 @@ def _openssl(*arguments: str | Path) -> None:
         raise CertificateError("there is no openssl on the PATH; install the package openssl")
     # The umask keeps the files private to this user.
     argv = [program, *map(str, arguments)]
-    done = subprocess.run(argv, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL, umask=0o077)
+    done = subprocess.run(
+        argv, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL, umask=0o077
+    )
     if done.returncode:
         lines = done.stderr.strip().splitlines() or ["it said nothing"]
         raise CertificateError(f"openssl {arguments[0]}: {lines[-1]}")

@@ -226,6 +226,8 @@ class Backlog:
 
     def _trim(self) -> None:
         waiting = self._waiting
-        while len(waiting) > 1 and (len(waiting) > self._max_messages or self._waiting_bytes > self._max_bytes):
+        while len(waiting) > 1 and (
+            len(waiting) > self._max_messages or self._waiting_bytes > self._max_bytes
+        ):
             self._waiting_bytes -= sum(map(len, waiting.popleft()))
             self.drops += 1

@@ -23,7 +23,9 @@ class Brake:
         changed: called when the stream may resume.
     """
 
-    def __init__(self, reactor: Reactor, fanout: Fanout, longest: float, changed: Callable[[], None]) -> None:
+    def __init__(
+        self, reactor: Reactor, fanout: Fanout, longest: float, changed: Callable[[], None]
+    ) -> None:
         self.is_on = False  #: whether reading the stream is paused
         self._reactor = reactor
         self._fanout = fanout

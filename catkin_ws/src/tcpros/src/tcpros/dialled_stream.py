@@ -23,9 +23,13 @@ class DialledStream(Stream):
 
     def __init__(self, reactor: Reactor, peer: str, request: bytes, tls: Tls | None = None) -> None:
         try:
-            sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC)
+            sock = socket.socket(
+                socket.AF_INET, socket.SOCK_STREAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC
+            )
         except OSError as error:
-            raise DialError(f"no socket available on this gateway's computer: {error.strerror}") from None
+            raise DialError(
+                f"no socket available on this gateway's computer: {error.strerror}"
+            ) from None
         super().__init__(reactor, sock, peer, tls.dialled(sock) if tls else None)
         self._request = request
 

@@ -10,7 +10,9 @@ from tcpros.frame import Chunk, FrameSplitter
 class Pressure(Protocol):
     """The load of a receiver, for back-pressure."""
 
-    relieved: Callable[[], None]  #: set by the source; called when the receiver takes more again after it was full
+    relieved: Callable[
+        [], None
+    ]  #: set by the source; called when the receiver takes more again after it was full
 
     @property
     def is_full(self) -> bool:
@@ -66,7 +68,9 @@ class Fanout:
         self.messages = 0  #: whole messages received
         self.bytes = 0  #: their bytes, including length prefixes
         self.latching = False  #: whether the source's last message is kept for new receivers
-        self.relieved: Callable[[], None] = do_nothing  #: called when a receiver takes more again after `is_full`
+        self.relieved: Callable[[], None] = (
+            do_nothing  #: called when a receiver takes more again after `is_full`
+        )
         self._max_message_size = max_message_size
         self._splitter = FrameSplitter(max_message_size)
         self._outlets: list[Outlet] = []
@@ -175,7 +179,9 @@ class Fanout:
             self.relieved()
 
     def _finish_leaving(self, chunk: Chunk) -> None:
-        last = Chunk(chunk.data[: chunk.head], chunk.head, chunk.head_ends, chunk.head, int(chunk.head_ends))
+        last = Chunk(
+            chunk.data[: chunk.head], chunk.head, chunk.head_ends, chunk.head, int(chunk.head_ends)
+        )
         for outlet in tuple(self._leaving):
             outlet.push(last)
             if last.head_ends and outlet in self._leaving:

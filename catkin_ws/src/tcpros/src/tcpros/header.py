@@ -64,7 +64,9 @@ def header_fields(body: bytes | memoryview) -> dict[str, str]:
         stop = position + 4 + int(_LENGTH.unpack_from(body, position)[0])
         if stop > end:
             raise HeaderError("a header field reaches over the header's end")
-        key, equals, value = bytes(body[position + 4 : stop]).decode("utf-8", "surrogateescape").partition("=")
+        key, equals, value = (
+            bytes(body[position + 4 : stop]).decode("utf-8", "surrogateescape").partition("=")
+        )
         if not equals or not key:
             raise HeaderError("a header field is not key=value")
         fields[key] = value
@@ -72,7 +74,9 @@ def header_fields(body: bytes | memoryview) -> dict[str, str]:
     return fields
 
 
-def header_parser(use: Callable[[dict[str, str]], object], start: int = 0) -> Callable[[memoryview], int]:
+def header_parser(
+    use: Callable[[dict[str, str]], object], start: int = 0
+) -> Callable[[memoryview], int]:
     """Returns a parser that skips `start` bytes, waits for a complete header and calls `use` with its fields.
 
     The parser fits a stream's `parse`: it returns how many bytes it has consumed. It raises HeaderError.

@@ -9,7 +9,15 @@ from tcpros.error import TcprosError
 MAX_HEAD = 16 * 1024
 MAX_BODY = 96 * 1024
 
-NONSENSE = (xmlrpc.client.Error, ExpatError, ValueError, TypeError, LookupError, ArithmeticError, AttributeError)
+NONSENSE = (
+    xmlrpc.client.Error,
+    ExpatError,
+    ValueError,
+    TypeError,
+    LookupError,
+    ArithmeticError,
+    AttributeError,
+)
 """Exceptions raised when parsing invalid XML-RPC, or when unpacking a response of an unexpected form."""
 
 
@@ -54,11 +62,16 @@ def http_message(
     first, *lines = text[:end].decode("latin-1").split("\r\n")
     if "HTTP/1." not in first:
         raise HttpError("not HTTP/1")
-    fields = {key.strip().lower(): value.strip() for key, _, value in (line.partition(":") for line in lines)}
+    fields = {
+        key.strip().lower(): value.strip()
+        for key, _, value in (line.partition(":") for line in lines)
+    }
     if "transfer-encoding" in fields:
         raise HttpError("chunked HTTP is not supported")
     connection = fields.get("connection", "close" if "HTTP/1.0" in first else "keep-alive").lower()
-    return HttpMessage(first, _length(fields, default_length, max_body), end + 4, connection != "close")
+    return HttpMessage(
+        first, _length(fields, default_length, max_body), end + 4, connection != "close"
+    )
 
 
 def _length(fields: dict[str, str], default: int, most: int) -> int:

@@ -26,11 +26,18 @@ class Listener:
     """A listening socket in the reactor."""
 
     def __init__(
-        self, reactor: Reactor, host: str, port: int, accepted: Callable[[socket.socket, str], None], backlog: int = 128
+        self,
+        reactor: Reactor,
+        host: str,
+        port: int,
+        accepted: Callable[[socket.socket, str], None],
+        backlog: int = 128,
     ) -> None:
         self._reactor = reactor
         self._accepted = accepted
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC)
+        self._socket = socket.socket(
+            socket.AF_INET, socket.SOCK_STREAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC
+        )
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             self._socket.bind((host, port))

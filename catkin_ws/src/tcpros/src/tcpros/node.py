@@ -93,7 +93,9 @@ class Service:
         reactor: given if ``answer`` may block; each call then runs in its own thread. None calls it directly.
     """
 
-    def __init__(self, name: str, kind: Any, answer: Callable[[bytes], bytes], reactor: Reactor | None = None) -> None:
+    def __init__(
+        self, name: str, kind: Any, answer: Callable[[bytes], bytes], reactor: Reactor | None = None
+    ) -> None:
         self._answer, self._reactor = answer, reactor
         self._md5sum = kind._md5sum
         self._header = header_bytes({"callerid": name, "md5sum": kind._md5sum, "type": kind._type})
@@ -115,7 +117,11 @@ class Service:
                 connection.read_on()
 
         def parse(data: memoryview) -> int:
-            end = _LENGTH.size + _LENGTH.unpack_from(data)[0] if len(data) >= _LENGTH.size else len(data) + 1
+            end = (
+                _LENGTH.size + _LENGTH.unpack_from(data)[0]
+                if len(data) >= _LENGTH.size
+                else len(data) + 1
+            )
             if len(data) < end or not connection.is_reading:  # one request at a time
                 return 0
             request = bytes(data[_LENGTH.size : end])
@@ -123,7 +129,9 @@ class Service:
                 send(self._answered(request))
             else:
                 connection.hold()
-                threading.Thread(target=self._answer_later, args=(request, send), daemon=True).start()
+                threading.Thread(
+                    target=self._answer_later, args=(request, send), daemon=True
+                ).start()
             return end
 
         connection.send(self._header)
@@ -207,7 +215,9 @@ class Node:
         self._watched[parameter] = changed
         self._register("subscribeParam", self.uri, parameter, done=changed)
 
-    def serve(self, service: str, kind: Any, answer: Callable[[bytes], bytes], may_wait: bool = False) -> None:
+    def serve(
+        self, service: str, kind: Any, answer: Callable[[bytes], bytes], may_wait: bool = False
+    ) -> None:
         """Advertises a service.
 
         Args:
@@ -216,7 +226,9 @@ class Node:
             answer: turns a serialised request into a response frame.
             may_wait: whether ``answer`` may block; each call then runs in its own thread.
         """
-        self._services[service] = Service(self.name, kind, answer, self._context.reactor if may_wait else None)
+        self._services[service] = Service(
+            self.name, kind, answer, self._context.reactor if may_wait else None
+        )
         self._register("registerService", service, self._service_uri, self.uri)
 
     def when_registered(self, done: Callable[[], object]) -> None:
@@ -226,10 +238,18 @@ class Node:
 
     def register_again(self) -> None:
         """Repeats all registrations at a restarted master. Failures are ignored; the caller may call this again."""
-        calls = [("registerPublisher", topic, one.type, self.uri) for topic, one in self._published.items()]
-        calls += [("registerSubscriber", topic, one.type, self.uri) for topic, one in self._subscribed.items()]
+        calls = [
+            ("registerPublisher", topic, one.type, self.uri)
+            for topic, one in self._published.items()
+        ]
+        calls += [
+            ("registerSubscriber", topic, one.type, self.uri)
+            for topic, one in self._subscribed.items()
+        ]
         for method, *arguments in calls:
-            done = self._subscribed[arguments[0]].update if method == "registerSubscriber" else _ignore
+            done = (
+                self._subscribed[arguments[0]].update if method == "registerSubscriber" else _ignore
+            )
             self._context.master.call(method, (self.name, *arguments), done, _ignore)
         for service in self._services:
             arguments = [service, self._service_uri, self.uri]
@@ -251,7 +271,10 @@ class Node:
 
     def _unregister_all(self, done: Callable[[], object]) -> None:
         calls = [("unregisterPublisher", topic, self.uri) for topic in self._published]
-        calls += [("unregisterSubscriber", topic, self.uri) for topic in self._subscribed.keys() | self._left]
+        calls += [
+            ("unregisterSubscriber", topic, self.uri)
+            for topic in self._subscribed.keys() | self._left
+        ]
         calls += [("unregisterService", service, self._service_uri) for service in self._services]
         calls += [("unsubscribeParam", self.uri, parameter) for parameter in self._watched]
         missing = len(calls)
@@ -277,7 +300,9 @@ class Node:
         self._context.reactor.call_later(0.0, lambda: self._shut_down(reason or "asked to end"))
         return ""
 
-    def _register(self, method: str, *arguments: str, done: Callable[[Any], object] = lambda _: None) -> None:
+    def _register(
+        self, method: str, *arguments: str, done: Callable[[Any], object] = lambda _: None
+    ) -> None:
         """Registers at the master, retrying until it answers, like rospy. If it refuses, the node shuts down."""
 
         def ask() -> None:
@@ -294,7 +319,9 @@ class Node:
                 self._shut_down(f"{method} of {' '.join(arguments[:2])} failed: {reason}")
                 return
             if not self._is_unheard:
-                self._context.logger.warning("%s: the master does not answer and is asked again: %s", self.name, reason)
+                self._context.logger.warning(
+                    "%s: the master does not answer and is asked again: %s", self.name, reason
+                )
             self._is_unheard = True
             self._context.reactor.call_later(ASK_AGAIN, ask)
 

@@ -57,7 +57,11 @@ class NodePort:
     """
 
     def __init__(
-        self, context: NodeContext, name: str, topics: Mapping[str, Topic], services: Mapping[str, Offered]
+        self,
+        context: NodeContext,
+        name: str,
+        topics: Mapping[str, Topic],
+        services: Mapping[str, Offered],
     ) -> None:
         self.context = context
         self._listener = Listener(context.reactor, context.bind, 0, self._accepted)
@@ -66,7 +70,9 @@ class NodePort:
         self._unidentified: dict[NodeConnection, None] = {}
         self.number = self._listener.port  #: the port's number
         uri = f"http://{context.host}:{self.number}/"
-        self.api = SlaveApi(name, uri, context.master_uri, (context.host, self.number), topics)  #: the slave API
+        self.api = SlaveApi(
+            name, uri, context.master_uri, (context.host, self.number), topics
+        )  #: the slave API
 
     def open(self) -> None:
         """Starts accepting connections."""
@@ -87,7 +93,10 @@ class NodePort:
         """Passes a subscriber or client on to the topic or service that it names. Raises RefusedError."""
         offered: Offered | None
         if "service" in fields:
-            offered, lacks = self._services.get(fields["service"]), f"is not a provider of {fields['service']}"
+            offered, lacks = (
+                self._services.get(fields["service"]),
+                f"is not a provider of {fields['service']}",
+            )
         else:
             topic = fields.get("topic", "a topic without name")
             offered, lacks = self._topics.get(topic), f"does not publish {topic}"
@@ -104,7 +113,9 @@ class NodePort:
         self._connections.add(connection)
         self._unidentified[connection] = None
         if len(self._unidentified) > MAX_UNIDENTIFIED:
-            next(iter(self._unidentified)).give_up("too many connections without a connection header")
+            next(iter(self._unidentified)).give_up(
+                "too many connections without a connection header"
+            )
 
 
 class NodeConnection(Stream):
@@ -127,7 +138,9 @@ class NodeConnection(Stream):
         """Notifies the topic or service that owns the connection."""
         self._timer.cancel()
         if reason.startswith("malformed"):
-            self._port.context.logger.warning("%s from %s: %s", self._port.api.name, self.peer, reason)
+            self._port.context.logger.warning(
+                "%s from %s: %s", self._port.api.name, self.peer, reason
+            )
         if self._ended is not None:
             self._ended(reason)
         self._port.forget(self)

@@ -24,7 +24,9 @@ class Pipe:
     """A pipe to splice bytes through. It is empty between calls, so one serves all connections."""
 
     def __init__(self) -> None:
-        self.is_usable = True  #: false once the kernel has reported that it does not support splicing here
+        self.is_usable = (
+            True  #: false once the kernel has reported that it does not support splicing here
+        )
         self._out, self._in = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         with contextlib.suppress(PermissionError):
             fcntl.fcntl(self._in, fcntl.F_SETPIPE_SZ, SIZE)

@@ -133,7 +133,9 @@ class Reactor:
                         handler.ready(events)
                     except Exception:
                         with _LINE_MAY_FAIL:
-                            self._logger.critical("internal error; one connection is closed", exc_info=True)
+                            self._logger.critical(
+                                "internal error; one connection is closed", exc_info=True
+                            )
                         self._guard(lambda h=handler: h.close("internal fault"))  # type: ignore[misc]
             self._run_timers()
             self._run_calls()

@@ -81,7 +81,9 @@ class Resolver:
         while self._waiting and self._threads < MAX_THREADS:
             host = self._waiting.popleft()
             self._threads += 1
-            thread = threading.Thread(target=self._look_up, args=(host,), name="relay-resolver", daemon=True)
+            thread = threading.Thread(
+                target=self._look_up, args=(host,), name="relay-resolver", daemon=True
+            )
             try:
                 thread.start()
             except RuntimeError as error:  # no more threads on this machine
@@ -94,7 +96,9 @@ class Resolver:
             answers = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)
             answer = Answer(time.monotonic() + LIFETIME, address=str(answers[0][4][0]))
         except (OSError, ValueError) as error:
-            reason = f"the name {host} cannot be resolved: {getattr(error, 'strerror', None) or error}"
+            reason = (
+                f"the name {host} cannot be resolved: {getattr(error, 'strerror', None) or error}"
+            )
             answer = Answer(time.monotonic() + FAILURE_LIFETIME, reason=reason)
         self._reactor.call(partial(self._take, host, answer))
 

@@ -43,7 +43,9 @@ class _Follower:
                     break
                 self._remaining = _LENGTH.unpack(self._head[-_LENGTH.size :])[0]
                 if self._remaining > self._max_size:
-                    raise ServiceCallError(f"{self._remaining} bytes are more than {self._max_size}")
+                    raise ServiceCallError(
+                        f"{self._remaining} bytes are more than {self._max_size}"
+                    )
             step = min(self._remaining, size - position)
             self._remaining -= step
             position += step

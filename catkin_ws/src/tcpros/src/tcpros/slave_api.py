@@ -104,7 +104,10 @@ class SlaveApi:
     def _bus_stats(self, _caller: str) -> Answer:
         out = [[topic, 0, []] for topic in self.published]
         into = [
-            [topic, [[number, count, -1, True] for number, (_, count) in enumerate(one.received, 1)]]
+            [
+                topic,
+                [[number, count, -1, True] for number, (_, count) in enumerate(one.received, 1)],
+            ]
             for topic, one in self.subscribed.items()
         ]
         return 1, "", [out, into, []]

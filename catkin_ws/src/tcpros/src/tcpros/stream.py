@@ -39,11 +39,15 @@ class Stream(Outlet):
 
     longest_hold = math.inf  #: the longest pause in reading caused by back-pressure [s]
 
-    def __init__(self, reactor: Reactor, sock: socket.socket, peer: str, tls: TlsSocket | None = None) -> None:
+    def __init__(
+        self, reactor: Reactor, sock: socket.socket, peer: str, tls: TlsSocket | None = None
+    ) -> None:
         self.backlog = Backlog(1, 0)  #: queued data
         self.pressure = self
         self.peer = peer  #: the other end, for log lines
-        self.relieved: Callable[[], None] = do_nothing  #: called when the queue has been sent completely
+        self.relieved: Callable[[], None] = (
+            do_nothing  #: called when the queue has been sent completely
+        )
         self.parse: Parse = len  #: called with the received data, repeatedly while it consumes some and more is left
         #: receives the frames from `parse`, once set. Large messages may bypass `parse`. Reading pauses while the
         #: fanout is full, so back-pressure propagates to the source.
@@ -245,14 +249,21 @@ class Stream(Outlet):
             self._hold_back(self.fanout)
 
     def _passage(self) -> Passage | None:
-        if self.fanout is None or self.is_closed or self._tls is not None or not self._reactor.pipe.is_usable:
+        if (
+            self.fanout is None
+            or self.is_closed
+            or self._tls is not None
+            or not self._reactor.pipe.is_usable
+        ):
             return None
         return self.fanout.passage()
 
     def _splice(self, passage: Passage) -> None:
         assert self.fanout is not None
         try:
-            moved = self._reactor.pipe.move(self._socket.fileno(), passage.sink.fileno(), passage.remaining)
+            moved = self._reactor.pipe.move(
+                self._socket.fileno(), passage.sink.fileno(), passage.remaining
+            )
         except OSError as error:
             self._failed(error)
             return

@@ -64,7 +64,10 @@ class Certificates:
         Reads one byte after the handshake, because a TLS 1.3 server checks our certificate only after it.
         """
         try:
-            with socket.create_connection((host, port), timeout) as sock, self.client.wrap_socket(sock) as wrapped:
+            with (
+                socket.create_connection((host, port), timeout) as sock,
+                self.client.wrap_socket(sock) as wrapped,
+            ):
                 wrapped.recv(1)
         except ssl.SSLEOFError:
             return None
@@ -75,7 +78,9 @@ class Certificates:
         return None
 
 
-def certificates_from(path: str, environment: Mapping[str, str] = os.environ) -> Certificates | None:
+def certificates_from(
+    path: str, environment: Mapping[str, str] = os.environ
+) -> Certificates | None:
     """Returns the certificates in `path`, or else in the directory set in the environment; None if neither is set.
 
     Raises:
@@ -86,9 +91,13 @@ def certificates_from(path: str, environment: Mapping[str, str] = os.environ) ->
         return None
     directory = Path(path).expanduser().absolute()
     try:
-        contexts = [_context(side, directory) for side in (ssl.PROTOCOL_TLS_SERVER, ssl.PROTOCOL_TLS_CLIENT)]
+        contexts = [
+            _context(side, directory) for side in (ssl.PROTOCOL_TLS_SERVER, ssl.PROTOCOL_TLS_CLIENT)
+        ]
     except OSError as error:
-        raise CertificateError(f"the TLS certificates in {directory} cannot be used: {_said(error)}") from None
+        raise CertificateError(
+            f"the TLS certificates in {directory} cannot be used: {_said(error)}"
+        ) from None
     contexts[0].num_tickets = 0  # type: ignore[attr-defined]  # sessions are not resumed
     return Certificates(directory, *contexts)
 

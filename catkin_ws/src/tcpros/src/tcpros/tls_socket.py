@@ -42,7 +42,9 @@ class TlsSocket:
         buffer: receive buffer for encrypted data; only used within a call, so all sockets can share one.
     """
 
-    def __init__(self, sock: socket.socket, context: ssl.SSLContext, server_side: bool, buffer: memoryview) -> None:
+    def __init__(
+        self, sock: socket.socket, context: ssl.SSLContext, server_side: bool, buffer: memoryview
+    ) -> None:
         self._socket = sock
         self._buffer = buffer
         self._incoming, self._outgoing = ssl.MemoryBIO(), ssl.MemoryBIO()
@@ -87,7 +89,10 @@ class TlsSocket:
         more = self._fetch(len(buffer) - RECORD)
         count = 0
         try:
-            while count < len(buffer) and (part := self._tls.read(len(buffer) - count, buffer[count:])):  # type: ignore[arg-type]
+            while count < len(buffer):
+                part = self._tls.read(len(buffer) - count, buffer[count:])  # type: ignore[arg-type]
+                if not part:
+                    break
                 count += int(part)
         except ssl.SSLWantReadError:
             pass

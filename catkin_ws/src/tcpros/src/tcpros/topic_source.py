@@ -38,7 +38,9 @@ class PublisherConnection(DialledStream):
         super().__init__(context.reactor, peer, header_bytes(fields))
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         timeout = context.header_timeout
-        self._timer = context.reactor.call_later(timeout, lambda: self.close("it sent no connection header in time"))
+        self._timer = context.reactor.call_later(
+            timeout, lambda: self.close("it sent no connection header in time")
+        )
         self.parse = header_parser(self._take_header)
 
     def greeted(self, header: dict[str, str]) -> None:
@@ -76,7 +78,9 @@ class TopicSource:
         taken: receives the messages.
     """
 
-    def __init__(self, context: NodeContext, node: str, fields: dict[str, str], taken: Taken) -> None:
+    def __init__(
+        self, context: NodeContext, node: str, fields: dict[str, str], taken: Taken
+    ) -> None:
         self.type = fields["type"]  #: the message type
         self._context = context
         self._node = node
@@ -87,13 +91,19 @@ class TopicSource:
     @property
     def publisher_names(self) -> list[str]:
         """The names of the connected publishers; "" until a publisher's header has arrived."""
-        return [one.connection.sender.name for one in self._publishers.values() if one.connection is not None]
+        return [
+            one.connection.sender.name
+            for one in self._publishers.values()
+            if one.connection is not None
+        ]
 
     @property
     def received(self) -> list[tuple[str, int]]:
         """The URI of each connected publisher and the bytes of messages received from it."""
         found = ((uri, one.connection) for uri, one in self._publishers.items())
-        return [(uri, connection.message_bytes) for uri, connection in found if connection is not None]
+        return [
+            (uri, connection.message_bytes) for uri, connection in found if connection is not None
+        ]
 
     def update(self, publishers: list[str]) -> None:
         """Replaces the list of publishers by these URIs."""
@@ -101,7 +111,9 @@ class TopicSource:
             self._publishers.pop(uri).close()
         for uri in publishers:
             if uri not in self._publishers:
-                self._publishers[uri] = _Publisher(self._context, uri, self._node, self._fields, self._taken)
+                self._publishers[uri] = _Publisher(
+                    self._context, uri, self._node, self._fields, self._taken
+                )
 
     def close(self) -> None:
         """Ends all connections."""
@@ -111,8 +123,16 @@ class TopicSource:
 class _Publisher:
     """One publisher. Connecting is retried with growing pauses until it succeeds or `close` is called."""
 
-    def __init__(self, context: NodeContext, uri: str, node: str, fields: dict[str, str], taken: Taken) -> None:
-        self._context, self._uri, self._node, self._fields, self._taken = context, uri, node, fields, taken
+    def __init__(
+        self, context: NodeContext, uri: str, node: str, fields: dict[str, str], taken: Taken
+    ) -> None:
+        self._context, self._uri, self._node, self._fields, self._taken = (
+            context,
+            uri,
+            node,
+            fields,
+            taken,
+        )
         self.connection: _Connection | None = None  #: the current connection
         self._pause = Pause()
         self._timer: Timer | None = None
@@ -140,7 +160,9 @@ class _Publisher:
             return
         if reason and not self._reported:
             topic = self._fields["topic"]
-            self._context.logger.warning("%s gets no %s from %s: %s", self._node, topic, self._uri, reason)
+            self._context.logger.warning(
+                "%s gets no %s from %s: %s", self._node, topic, self._uri, reason
+            )
             self._reported = True
         self._timer = self._context.reactor.call_later(self._pause.take(), self._ask)
 
@@ -166,7 +188,12 @@ class _Connection(PublisherConnection):
     """The connection to one publisher."""
 
     def __init__(
-        self, context: NodeContext, publisher: _Publisher, uri: str, fields: dict[str, str], taken: Taken
+        self,
+        context: NodeContext,
+        publisher: _Publisher,
+        uri: str,
+        fields: dict[str, str],
+        taken: Taken,
     ) -> None:
         super().__init__(context, uri, fields)
         self._publisher, self._taken = publisher, taken

@@ -30,7 +30,9 @@ class NoAnswer(str):
 class _Call(DialledStream):
     """One call, on its own connection."""
 
-    def __init__(self, reactor: Reactor, uri: str, body: bytes, answered: Callable[[bytes, str], None]) -> None:
+    def __init__(
+        self, reactor: Reactor, uri: str, body: bytes, answered: Callable[[bytes, str], None]
+    ) -> None:
         parts = urlsplit(uri)
         super().__init__(reactor, uri, http_request(parts.netloc, parts.path, body))
         self.parse = self._response

@@ -16,7 +16,9 @@ class Identities:
     def directory(self, name="robot", fleet="ours", days=30):
         """Returns a machine's directory; negative `days` make an expired certificate, which needs a name of its own."""
         made, directory = self._made.get((name, fleet), (days, None))
-        assert made == days, f"{name} of {fleet} has a certificate of {made} days already; use another name"
+        assert made == days, (
+            f"{name} of {fleet} has a certificate of {made} days already; use another name"
+        )
         if directory is None:
             directory = Authority(self._folder / fleet, days).certify(name)
             self._made[name, fleet] = days, directory

@@ -106,7 +106,9 @@ appetites = st.lists(st.integers(min_value=0, max_value=300), max_size=100)
 
 @given(numbered, cuts, appetites)
 @settings(max_examples=300, deadline=None)
-def test_a_slow_receiver_gets_whole_messages_in_order_and_every_loss_is_counted(bodies, sizes, appetite):
+def test_a_slow_receiver_gets_whole_messages_in_order_and_every_loss_is_counted(
+    bodies, sizes, appetite
+):
     fanout, receiver = Fanout(1000), FakeReceiver(appetite)
     fanout.join(receiver)
     feed(fanout, b"".join(map(frame, bodies)), sizes)
@@ -142,11 +144,23 @@ def test_a_newcomer_begins_with_a_whole_message_and_a_latched_one_misses_nothing
         assert bodies[ended + 1 :] == got or bodies[ended:] == got
 
 
-@given(numbered, cuts, appetites, st.integers(min_value=0, max_value=2000), st.integers(min_value=0, max_value=2000))
+@given(
+    numbered,
+    cuts,
+    appetites,
+    st.integers(min_value=0, max_value=2000),
+    st.integers(min_value=0, max_value=2000),
+)
 @settings(max_examples=300, deadline=None)
-def test_what_passes_unseen_is_in_its_place_whoever_comes_and_goes(bodies, sizes, appetite, comes_at, goes_at):
+def test_what_passes_unseen_is_in_its_place_whoever_comes_and_goes(
+    bodies, sizes, appetite, comes_at, goes_at
+):
     stream = b"".join(map(frame, bodies))
-    fanout, receiver, other = Fanout(1000), FakeReceiver(appetite, 1000), FakeReceiver(appetite, 1000)
+    fanout, receiver, other = (
+        Fanout(1000),
+        FakeReceiver(appetite, 1000),
+        FakeReceiver(appetite, 1000),
+    )
     fanout.join(receiver)
     cut, rest, position, unseen = itertools.cycle(sizes), b"", 0, 0
     with mock.patch.object(frame_module, "LARGE", 20):

@@ -15,7 +15,11 @@ def test_a_machine_gets_what_it_needs_and_nobody_else_may_read_a_key(tmp_path):
     assert directory == tmp_path / "fleet" / "robot.lab-1"
     assert sorted(file.name for file in directory.iterdir()) == ["ca.crt", "tls.crt", "tls.key"]
     assert not [file for file in (tmp_path / "fleet").rglob("*.key") if file.stat().st_mode & 0o077]
-    assert sorted(file.name for file in (tmp_path / "fleet").iterdir()) == ["ca.crt", "ca.key", "robot.lab-1"]
+    assert sorted(file.name for file in (tmp_path / "fleet").iterdir()) == [
+        "ca.crt",
+        "ca.key",
+        "robot.lab-1",
+    ]
 
 
 def test_an_authority_is_made_once_and_a_new_certificate_each_time(tmp_path):
@@ -73,7 +77,9 @@ def test_a_key_of_another_certificate_is_one_line(tmp_path, identities):
 def test_nobody_is_asked_for_a_passphrase(tmp_path, identities):
     key = broken(tmp_path, identities) / "tls.key"
     locked = subprocess.run(
-        ["openssl", "pkey", "-aes256", "-passout", "pass:secret", "-in", key], capture_output=True, check=True
+        ["openssl", "pkey", "-aes256", "-passout", "pass:secret", "-in", key],
+        capture_output=True,
+        check=True,
     )
     key.write_bytes(locked.stdout)
     with pytest.raises(CertificateError):

@@ -56,12 +56,18 @@ def graph(*answers, **lookups):
                 connection.sendall(answer)
                 connection.recv(4096)
 
-    with listener, SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False, allow_none=True) as master:
+    with (
+        listener,
+        SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False, allow_none=True) as master,
+    ):
         uri = f"http://127.0.0.1:{master.server_address[1]}"
         values["lookupNode"] = (*values["lookupNode"][:2], uri)
         for name, value in values.items():
             master.register_function(lambda *_, value=value: value, name)
-        threads = [threading.Thread(target=serve), threading.Thread(target=master.serve_forever, args=(0.01,))]
+        threads = [
+            threading.Thread(target=serve),
+            threading.Thread(target=master.serve_forever, args=(0.01,)),
+        ]
         for thread in threads:
             thread.start()
         yield Client(uri, "/tester")
@@ -84,16 +90,28 @@ def test_a_call_returns_the_response_and_a_failed_one_the_servers_words():
 
 
 def test_a_refused_header_and_an_unknown_topic_are_errors_with_the_reason():
-    with graph(header_bytes({"error": "wrong type"})) as client, pytest.raises(ClientError, match="wrong type"):
+    with (
+        graph(header_bytes({"error": "wrong type"})) as client,
+        pytest.raises(ClientError, match="wrong type"),
+    ):
         client.latched("/node", "/topic", Text)
-    with graph(requestTopic=(1, "", [])) as client, pytest.raises(ClientError, match="does not publish /topic"):
+    with (
+        graph(requestTopic=(1, "", [])) as client,
+        pytest.raises(ClientError, match="does not publish /topic"),
+    ):
         client.latched("/node", "/topic", Text)
-    with graph(lookupService=(-1, "unknown service", 0)) as client, pytest.raises(ClientError, match="unknown service"):
+    with (
+        graph(lookupService=(-1, "unknown service", 0)) as client,
+        pytest.raises(ClientError, match="unknown service"),
+    ):
         client.call("/service", KIND)
 
 
 def test_a_connection_that_ends_within_a_message_is_a_network_error():
-    with graph(header_bytes({"type": "*"}) + b"\x09\x00\x00\x00abc") as client, client.subscribe("/n", "/t") as found:
+    with (
+        graph(header_bytes({"type": "*"}) + b"\x09\x00\x00\x00abc") as client,
+        client.subscribe("/n", "/t") as found,
+    ):
         found._socket.shutdown(socket.SHUT_WR)
         with pytest.raises(ConnectionError):
             found.read_frame()

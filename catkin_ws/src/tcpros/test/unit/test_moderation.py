@@ -34,11 +34,16 @@ def test_large_messages_are_never_delayed(rounds: list[tuple[float, int]]) -> No
 
 
 def test_a_flood_that_is_over_delays_nothing_after_it() -> None:
-    assert rests([FLOOD] * 20 + [SOON] + [FLOOD] * (STREAK - 1), [104] * (20 + STREAK))[20:] == [0.0] * STREAK
+    assert (
+        rests([FLOOD] * 20 + [SOON] + [FLOOD] * (STREAK - 1), [104] * (20 + STREAK))[20:]
+        == [0.0] * STREAK
+    )
 
 
 def test_rounds_about_something_else_change_nothing() -> None:
     moderation = Moderation()
-    found = [moderation.rest(FLOOD * number, 104 if number % 2 else 0) for number in range(4 * STREAK)]
+    found = [
+        moderation.rest(FLOOD * number, 104 if number % 2 else 0) for number in range(4 * STREAK)
+    ]
     assert not any(found[::2])
     assert found[-1] == REST

@@ -63,7 +63,9 @@ def run_for(context: NodeContext) -> None:
     assert not overdue
 
 
-def test_a_node_that_ends_while_it_registers_does_not_stay_registered(master: SlowMaster, context: NodeContext) -> None:
+def test_a_node_that_ends_while_it_registers_does_not_stay_registered(
+    master: SlowMaster, context: NodeContext
+) -> None:
     node = Node(context, "/one", lambda _: None)
     node.publish("/words", String)
     node.close(context.reactor.stop)
@@ -71,7 +73,9 @@ def test_a_node_that_ends_while_it_registers_does_not_stay_registered(master: Sl
     assert master.executed == ["registerPublisher", "unregisterPublisher"]
 
 
-def test_a_subscription_that_ends_while_it_registers_does_not_stay(master: SlowMaster, context: NodeContext) -> None:
+def test_a_subscription_that_ends_while_it_registers_does_not_stay(
+    master: SlowMaster, context: NodeContext
+) -> None:
     node = Node(context, "/one", lambda _: None)
     node.subscribe("/words", String, lambda *_: None)
     node.unsubscribe("/words")

@@ -74,7 +74,9 @@ def ask(reactor: Reactor) -> Callable[..., Answers]:
     return ask
 
 
-def test_names_that_do_not_resolve_delay_no_other(ask: Callable[..., Answers], names: Names) -> None:
+def test_names_that_do_not_resolve_delay_no_other(
+    ask: Callable[..., Answers], names: Names
+) -> None:
     dead = ask(*(f"dead{number}" for number in range(15)))
     alive = ask("alive")
     assert alive.complete.wait(PATIENCE)
@@ -84,7 +86,9 @@ def test_names_that_do_not_resolve_delay_no_other(ask: Callable[..., Answers], n
     assert dead.complete.wait(PATIENCE)
 
 
-def test_more_names_than_threads_are_all_answered(ask: Callable[..., Answers], names: Names) -> None:
+def test_more_names_than_threads_are_all_answered(
+    ask: Callable[..., Answers], names: Names
+) -> None:
     dead = ask(*(f"dead{number}" for number in range(50)))
     alive = ask("alive")
     names.silence.set()
@@ -101,7 +105,9 @@ def test_equal_questions_are_one_look_up_and_its_failure_is_remembered(
     again = ask("dead")
     assert again.complete.wait(PATIENCE)
     assert names.asked["dead"] == 1
-    assert set(first.texts + again.texts) == {"the name dead cannot be resolved: Temporary failure in name resolution"}
+    assert set(first.texts + again.texts) == {
+        "the name dead cannot be resolved: Temporary failure in name resolution"
+    }
 
 
 def test_malformed_names_are_answered_too(ask: Callable[..., Answers]) -> None:

@@ -47,7 +47,9 @@ def test_who_waits_for_a_whole_response_gets_an_error_as_one() -> None:
     conversation.request(memoryview(request(b"abc"))[2:])
     assert conversation.error("gone") == response(b"gone", good=False)
     conversation.response(memoryview(response(b"abc"))[:3])
-    assert conversation.error("gone") == b"", "half a response is out: only the end of the connection can tell"
+    assert conversation.error("gone") == b"", (
+        "half a response is out: only the end of the connection can tell"
+    )
     conversation.response(memoryview(response(b"abc"))[3:])
     assert conversation.error("gone") == b""
 

@@ -169,7 +169,9 @@ def test_both_sides_name_what_is_wrong_with_a_certificate(identities, pair, thei
     assert any(said in reason for reason in reasons)
 
 
-@pytest.mark.parametrize("first", [b"\x50\x01\x00\x00\x0f\x00relay=1", b"\x16\x03\x00\x00\x0f\x00", b"GET /", bytes(9)])
+@pytest.mark.parametrize(
+    "first", [b"\x50\x01\x00\x00\x0f\x00relay=1", b"\x16\x03\x00\x00\x0f\x00", b"GET /", bytes(9)]
+)
 def test_who_speaks_no_tls_is_recognised_by_its_first_bytes(ends, pair, first):
     _, server = ends
     pair[0].send(first[:2])

@@ -76,7 +76,9 @@ class CorrectionFile:
             beside.write_text(json.dumps(content) + "\n")
             beside.replace(self._path)
         except OSError as error:
-            raise CorrectionFileError(f"cannot remember the pose in {self._path}: {error}") from None
+            raise CorrectionFileError(
+                f"cannot remember the pose in {self._path}: {error}"
+            ) from None
 
     def forget(self) -> None:
         """Removes the file, if it exists.

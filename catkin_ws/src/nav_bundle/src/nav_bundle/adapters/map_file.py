@@ -69,9 +69,13 @@ def read_description(path: Path) -> MapDescription:
     except OSError as error:
         raise MapFileMissingError(f"cannot read the map {path}: {error.strerror}") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise MapMetadataError(f"{path} is not valid YAML: {' '.join(str(error).split())}") from None
+        raise MapMetadataError(
+            f"{path} is not valid YAML: {' '.join(str(error).split())}"
+        ) from None
     if not isinstance(fields, dict):
-        raise MapMetadataError(f"{path} does not describe a map: it needs image, resolution, origin")
+        raise MapMetadataError(
+            f"{path} does not describe a map: it needs image, resolution, origin"
+        )
     try:
         return _description(path, fields)
     except KeyError as error:
@@ -134,7 +138,9 @@ class _MapImage:
     sums: NDArray[np.uint8] | NDArray[np.uint16]
     """Sum of a pixel's colours, each 0 … 255, alpha left out; shape (rows, cols). Grey ones stay bytes."""
     channels: int  #: how many colours a sum is of
-    transparent: NDArray[np.bool_] | None  #: where alpha is 0, shape (rows, cols); None: the image has no alpha
+    transparent: (
+        NDArray[np.bool_] | None
+    )  #: where alpha is 0, shape (rows, cols); None: the image has no alpha
 
 
 def _read_image(path: Path) -> _MapImage:
@@ -170,7 +176,9 @@ def _opened(path: Path) -> Image.Image:
     width, height = image.size
     if width * height > _MOST_PIXELS:
         image.close()
-        raise MapImageError(f"{path} has {width} x {height} pixels, more than {_MOST_PIXELS} in all; use a coarser map")
+        raise MapImageError(
+            f"{path} has {width} x {height} pixels, more than {_MOST_PIXELS} in all; use a coarser map"
+        )
     return image
 
 
@@ -179,12 +187,18 @@ def _pixels_of(path: Path, image: Image.Image) -> _MapImage:
     if image.mode in _TRANSPARENT_MODES:
         transparent = np.asarray(image.getchannel("A")) == 0
     if image.mode in _WIDE_MODES:
-        return _MapImage((np.asarray(image).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8), 1, None)
+        return _MapImage(
+            (np.asarray(image).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8), 1, None
+        )
     if image.mode in _GREY_MODES:
         return _MapImage(np.asarray(image.convert("L")), 1, transparent)
     if image.mode in _COLOUR_MODES:
-        return _MapImage(np.asarray(image.convert("RGB")).sum(axis=2, dtype=np.uint16), 3, transparent)
-    raise MapImageError(f"{path} has an unsupported pixel format (PIL mode {image.mode}); use 8 bits per channel")
+        return _MapImage(
+            np.asarray(image.convert("RGB")).sum(axis=2, dtype=np.uint16), 3, transparent
+        )
+    raise MapImageError(
+        f"{path} has an unsupported pixel format (PIL mode {image.mode}); use 8 bits per channel"
+    )
 
 
 def _cell_of_sum(description: MapDescription, channels: int) -> NDArray[np.int8]:
@@ -200,7 +214,9 @@ def _cell_of_sum(description: MapDescription, channels: int) -> NDArray[np.int8]
     between = np.full(darkness.shape, UNKNOWN, float)
     if description.mode == "scale" and high > low:
         between = 1.0 + 98.0 * (darkness - low) / (high - low)
-    return np.where(darkness > high, OCCUPIED, np.where(darkness < low, FREE, between)).astype(np.int8)
+    return np.where(darkness > high, OCCUPIED, np.where(darkness < low, FREE, between)).astype(
+        np.int8
+    )
 
 
 def write_map(grid: Grid, name: Path, occupied: int = 65, free: int = 25) -> tuple[Path, Path]:

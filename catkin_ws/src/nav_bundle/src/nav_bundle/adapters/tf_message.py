@@ -81,7 +81,10 @@ def _records(
             refuse(f"a transform from {parent!r} to {child!r} was dropped: {fault}")
         else:
             # The same arithmetic as genpy.Time.to_sec(), so that equal stamps give equal floats.
-            yield buffer[begin:end], StampedTransform(parent, child, seconds + nanoseconds / 1e9, transform)
+            yield (
+                buffer[begin:end],
+                StampedTransform(parent, child, seconds + nanoseconds / 1e9, transform),
+            )
 
 
 def _places(buffer: bytes) -> Iterator[tuple[int, int, int]]:
@@ -121,7 +124,9 @@ class TransformPicker:
         self._names = {child: child.encode() for child in children}
         self._needles = dict(self._names)
         self._misses = dict.fromkeys(self._names, 0)
-        self._children = {spelling for name in self._names.values() for spelling in (name, b"/" + name)}
+        self._children = {
+            spelling for name in self._names.values() for spelling in (name, b"/" + name)
+        }
 
     def pick(self, buffer: bytes) -> list[StampedTransform]:
         """Returns the watched transforms in a serialised message; an empty list if it does not parse."""

@@ -10,7 +10,13 @@ import threading
 from collections.abc import Callable
 
 from nav_bundle.adapters.tf_message import Refuse, StampedTransform, TransformPicker, transforms_of
-from nav_bundle.core.transform import DisconnectedError, Transform, TransformError, TransformTree, frame_fault
+from nav_bundle.core.transform import (
+    DisconnectedError,
+    Transform,
+    TransformError,
+    TransformTree,
+    frame_fault,
+)
 from pioneer_node.core.frame import stripped
 
 HISTORY, FUTURE_LIMIT = 10.0, 10.0

@@ -84,21 +84,40 @@ class AmclConfig:
     restore_defaults: Annotated[bool, Live()] = False
 
     def __post_init__(self) -> None:
-        self._check(self.odom_model_type in ODOM_MODELS, "odom_model_type", "be one of " + ", ".join(ODOM_MODELS))
-        self._check(self.laser_model_type in LASER_MODELS, "laser_model_type", "be one of " + ", ".join(LASER_MODELS))
+        self._check(
+            self.odom_model_type in ODOM_MODELS,
+            "odom_model_type",
+            "be one of " + ", ".join(ODOM_MODELS),
+        )
+        self._check(
+            self.laser_model_type in LASER_MODELS,
+            "laser_model_type",
+            "be one of " + ", ".join(LASER_MODELS),
+        )
         self._check(self.min_particles >= 1, "min_particles", "be at least 1")
-        self._check(self.max_particles >= self.min_particles, "max_particles", "not be below ~min_particles")
+        self._check(
+            self.max_particles >= self.min_particles, "max_particles", "not be below ~min_particles"
+        )
         self._check(self.laser_max_beams >= 2, "laser_max_beams", "be at least 2")
         self._check(self.resample_interval >= 1, "resample_interval", "be at least 1")
         self._check(self.seed >= 0, "seed", "not be negative")
-        for name in ("kld_err", "laser_sigma_hit", "laser_likelihood_max_dist", "laser_lambda_short"):
+        for name in (
+            "kld_err",
+            "laser_sigma_hit",
+            "laser_likelihood_max_dist",
+            "laser_lambda_short",
+        ):
             self._check(getattr(self, name) > 0.0, name, "be positive")
         for field in fields(self):
             value = getattr(self, field.name)
-            self._check(not isinstance(value, float) or math.isfinite(value), field.name, "be finite")
+            self._check(
+                not isinstance(value, float) or math.isfinite(value), field.name, "be finite"
+            )
             if field.name.startswith(("odom_alpha", "laser_z_", "initial_cov_", "recovery_alpha_")):
                 self._check(value >= 0.0, field.name, "not be negative")
 
     def _check(self, right: bool, name: str, rule: str) -> None:
         if not right:
-            raise ParameterError(f"amcl: parameter ~{name} must {rule}, not {getattr(self, name)!r}")
+            raise ParameterError(
+                f"amcl: parameter ~{name} must {rule}, not {getattr(self, name)!r}"
+            )

@@ -62,5 +62,7 @@ class Clearance:
         place, prices = costmap.geometry, self.prices(costmap)
         allowed = np.empty(max(place.rows, place.cols))
         points = np.ascontiguousarray(plan)
-        plan_prices(costmap.cells, place.place, prices, points, _ASIDES, _BLUR, pose.x, pose.y, allowed)
+        plan_prices(
+            costmap.cells, place.place, prices, points, _ASIDES, _BLUR, pose.x, pose.y, allowed
+        )
         return allowed

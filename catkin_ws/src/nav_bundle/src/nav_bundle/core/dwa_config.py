@@ -75,7 +75,9 @@ class DwaConfig:
     global_frame_id: str = ""
 
 
-def dwa_config_from_parameters(parameters: Mapping[str, Any], owner: str, frequency: float) -> DwaConfig:
+def dwa_config_from_parameters(
+    parameters: Mapping[str, Any], owner: str, frequency: float
+) -> DwaConfig:
     """Returns the configuration in namespace ``owner``; ``frequency`` [Hz] is the default ``controller_frequency``.
 
     Raises:
@@ -92,14 +94,24 @@ def dwa_config_from_parameters(parameters: Mapping[str, Any], owner: str, freque
 def _check(config: DwaConfig, owner: str) -> None:
     if config.publish_traj_pc:
         UNKNOWN.complain(f"{owner}: ~publish_traj_pc true is not available")
-    positive = ("sim_time", "sim_granularity", "angular_sim_granularity", "controller_frequency", "acc_lim_x")
+    positive = (
+        "sim_time",
+        "sim_granularity",
+        "angular_sim_granularity",
+        "controller_frequency",
+        "acc_lim_x",
+    )
     for name in (*positive, "acc_lim_theta"):
         if not getattr(config, name) > 0.0:
             raise ParameterError(f"{owner}: ~{name} must be positive, not {getattr(config, name)}")
     for name in ("path_distance_bias", "goal_distance_bias", "occdist_scale", "twirling_scale"):
         if getattr(config, name) < 0.0:
-            raise ParameterError(f"{owner}: ~{name} must not be negative, not {getattr(config, name)}")
+            raise ParameterError(
+                f"{owner}: ~{name} must not be negative, not {getattr(config, name)}"
+            )
     for axis in ("x", "y"):
         low, high = getattr(config, f"min_vel_{axis}"), getattr(config, f"max_vel_{axis}")
         if low > high:
-            raise ParameterError(f"{owner}: ~min_vel_{axis} must be at most ~max_vel_{axis} ({low} > {high})")
+            raise ParameterError(
+                f"{owner}: ~min_vel_{axis} must be at most ~max_vel_{axis} ({low} > {high})"
+            )

@@ -53,7 +53,9 @@ class Oscillation:
         if is_reversed.any():
             self._since = pose
         turned = abs(angle_difference(pose.yaw, self._since.yaw))
-        if (pose.distance(self._since) > self._distance or turned > self._angle) and self._only.any():
+        if (
+            pose.distance(self._since) > self._distance or turned > self._angle
+        ) and self._only.any():
             self.reset()
 
 
@@ -66,7 +68,13 @@ class DynamicWindow(Rollout):
     """
 
     def __init__(
-        self, acc: Velocity, horizon: Horizon, scales: Scales, clearance: Clearance, nose: Nose, accelerating: bool
+        self,
+        acc: Velocity,
+        horizon: Horizon,
+        scales: Scales,
+        clearance: Clearance,
+        nose: Nose,
+        accelerating: bool,
     ) -> None:
         """Creates the rollout; ``begin_window`` fills the steps to the nose's target."""
         super().__init__(acc, horizon, scales, clearance)
@@ -79,7 +87,9 @@ class DynamicWindow(Rollout):
         to_front = self._nose.to_front
         if to_front.shape != self._to_plan.shape:
             to_front = np.empty_like(self._to_plan)
-        self._nose = self._nose._replace(to_front=to_front, alignment=self._alignment if aligned else 0.0)
+        self._nose = self._nose._replace(
+            to_front=to_front, alignment=self._alignment if aligned else 0.0
+        )
         points = np.ascontiguousarray(plan[:, :2])
         pose = situation.pose
         towards = math.atan2(points[-1, 1] - pose.y, points[-1, 0] - pose.x)
@@ -87,7 +97,12 @@ class DynamicWindow(Rollout):
         return goal_grid(self._floor, points, to_front, self._queue) > 0
 
     def _search(
-        self, samples: NDArray[np.float64], reach: bool, every: bool, time: float = math.inf, limit: float = math.inf
+        self,
+        samples: NDArray[np.float64],
+        reach: bool,
+        every: bool,
+        time: float = math.inf,
+        limit: float = math.inf,
     ) -> tuple[int, NDArray[np.float64]]:
         if not reach:
             return super()._search(samples, reach, every, time, limit)
@@ -140,10 +155,14 @@ class DwaPlanner(SamplingPlanner[DwaConfig]):
         self._oscillation.reset()
 
     def _begin(self, situation: Situation, ahead: NDArray[np.float64]) -> bool:
-        aligned = _left(situation, ahead) > self.config.forward_point_distance * math.sqrt(self.config.cheat_factor)
+        aligned = _left(situation, ahead) > self.config.forward_point_distance * math.sqrt(
+            self.config.cheat_factor
+        )
         return self._window.begin_window(situation, ahead, aligned)
 
-    def _best(self, situation: Situation, ahead: NDArray[np.float64]) -> tuple[Velocity, float] | None:
+    def _best(
+        self, situation: Situation, ahead: NDArray[np.float64]
+    ) -> tuple[Velocity, float] | None:
         samples = self._samples(situation, _left(situation, ahead))
         best = self._window.cheapest(samples[self._oscillation.allowed(samples)])
         if best is None:
@@ -165,18 +184,27 @@ class DwaPlanner(SamplingPlanner[DwaConfig]):
         turning = _reachable(now.turn, change[2], -config.max_vel_theta, config.max_vel_theta)
         turns = _spread(*turning, config.vth_samples)
         axes = np.meshgrid(
-            _spread(*forward, config.vx_samples), _spread(*sideways, config.vy_samples), turns, indexing="ij"
+            _spread(*forward, config.vx_samples),
+            _spread(*sideways, config.vy_samples),
+            turns,
+            indexing="ij",
         )
         return self._possible(np.stack(axes, axis=-1).reshape(-1, 3), turns)
 
-    def _possible(self, samples: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _possible(
+        self, samples: NDArray[np.float64], turns: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Returns the samples that the robot can execute, including turns in place."""
         config = self.config
         speed = np.hypot(samples[:, 0], samples[:, 1])
         moving = speed + _EPSILON >= config.min_vel_trans
         turning = (np.abs(samples[:, 2]) + _EPSILON >= config.min_vel_theta) & (speed > _EPSILON)
         kept = samples[(moving | turning) & (speed - _EPSILON <= config.max_vel_trans)]
-        raised = {math.copysign(max(abs(turn), config.min_vel_theta), turn) for turn in turns.tolist() if turn != 0.0}
+        raised = {
+            math.copysign(max(abs(turn), config.min_vel_theta), turn)
+            for turn in turns.tolist()
+            if turn != 0.0
+        }
         in_place = np.zeros((len(raised), 3))
         in_place[:, 2] = sorted(raised)
         return np.concatenate([kept, in_place])

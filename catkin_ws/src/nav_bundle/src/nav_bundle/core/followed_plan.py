@@ -71,7 +71,10 @@ class FollowedPlan:
         ahead = self.ahead
         costs = _costs_at(costmap.cells, costmap.geometry, ahead)
         blocked = (costs >= INSCRIBED) & (costs != UNKNOWN)
-        own = np.hypot(ahead[:, 0] - pose.x, ahead[:, 1] - pose.y) < costmap.footprint.inscribed_radius
+        own = (
+            np.hypot(ahead[:, 0] - pose.x, ahead[:, 1] - pose.y)
+            < costmap.footprint.inscribed_radius
+        )
         blocked &= ~own
         if not blocked.any():
             return None
@@ -79,7 +82,9 @@ class FollowedPlan:
         return float(x), float(y)
 
 
-def cost_of(path: Path, costs: NDArray[np.uint8], place: Geometry, weights: NDArray[np.float32]) -> float:
+def cost_of(
+    path: Path, costs: NDArray[np.uint8], place: Geometry, weights: NDArray[np.float32]
+) -> float:
     """Returns the cost of following ``path`` as the planner counts it; infinite if it is blocked.
 
     Args:

@@ -119,13 +119,17 @@ class GlobalPlannerConfig:
     def weights(self) -> NDArray[np.float32]:
         """Returns the potential added by crossing a cell, by its cost; negative if blocked. Shape (256,)."""
         dearest = self.lethal_cost - 1
-        table = np.floor(np.minimum(self.neutral_cost + self.cost_factor * np.arange(256), dearest)).astype(np.float32)
+        table = np.floor(
+            np.minimum(self.neutral_cost + self.cost_factor * np.arange(256), dearest)
+        ).astype(np.float32)
         table[self.lethal_cost :] = _BLOCKED
         table[UNKNOWN] = dearest if self.allow_unknown else _BLOCKED
         return table
 
 
-def global_planner_config_from_parameters(parameters: Mapping[str, Any], owner: str) -> GlobalPlannerConfig:
+def global_planner_config_from_parameters(
+    parameters: Mapping[str, Any], owner: str
+) -> GlobalPlannerConfig:
     """Returns the configuration in namespace ``owner``.
 
     Raises:
@@ -135,7 +139,9 @@ def global_planner_config_from_parameters(parameters: Mapping[str, Any], owner: 
     offered = {"use_quadratic": True, "old_navfn_behavior": False}
     for name, value in offered.items():
         if getattr(config, name) != value:
-            raise ParameterError(f"{owner}: ~{name} {getattr(config, name)!r} is not available, only {value!r}")
+            raise ParameterError(
+                f"{owner}: ~{name} {getattr(config, name)!r} is not available, only {value!r}"
+            )
     bounds = (
         ("lethal_cost", 2, 253),
         ("neutral_cost", 1, 252),
@@ -146,7 +152,9 @@ def global_planner_config_from_parameters(parameters: Mapping[str, Any], owner: 
     )
     for name, low, high in bounds:
         if not low <= getattr(config, name) <= high:
-            raise ParameterError(f"{owner}: ~{name} must lie in {low} to {high}, not {getattr(config, name)}")
+            raise ParameterError(
+                f"{owner}: ~{name} must lie in {low} to {high}, not {getattr(config, name)}"
+            )
     return config
 
 
@@ -163,10 +171,17 @@ class GlobalPlanner(NavfnPlanner):
     """Plans as global_planner does: quadratic potential, gradient or grid path, then headings along the path."""
 
     def __init__(self, config: GlobalPlannerConfig) -> None:
-        super().__init__(NavfnConfig(config.allow_unknown, config.default_tolerance, keep_right=config.keep_right))
+        super().__init__(
+            NavfnConfig(
+                config.allow_unknown, config.default_tolerance, keep_right=config.keep_right
+            )
+        )
         self._weights = config.weights()
         self._follow_cells = config.use_grid_path
-        self._orientation, self._window = Orientation(config.orientation_mode), config.orientation_window_size
+        self._orientation, self._window = (
+            Orientation(config.orientation_mode),
+            config.orientation_window_size,
+        )
         self._guided = not config.use_dijkstra
 
     def _finished(self, start: Pose, path: Path) -> Path:

@@ -69,7 +69,9 @@ class GmappingConfig:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            self._check(not isinstance(value, float) or math.isfinite(value), field.name, "be finite")
+            self._check(
+                not isinstance(value, float) or math.isfinite(value), field.name, "be finite"
+            )
         for name in _POSITIVE:
             self._check(getattr(self, name) > 0, name, "be positive")
         for name in _NOT_NEGATIVE:
@@ -82,4 +84,6 @@ class GmappingConfig:
 
     def _check(self, right: bool, name: object, rule: object) -> None:
         if not right:
-            raise ParameterError(f"slam_gmapping: parameter ~{name} must {rule}, not {getattr(self, f'{name}')!r}")
+            raise ParameterError(
+                f"slam_gmapping: parameter ~{name} must {rule}, not {getattr(self, f'{name}')!r}"
+            )

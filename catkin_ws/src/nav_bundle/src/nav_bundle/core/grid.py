@@ -34,7 +34,9 @@ class Grid:
         if not (math.isfinite(self.resolution) and self.resolution > 0.0):
             raise MapError(f"a map's resolution must be positive, not {self.resolution}")
         if self.cells.ndim != 2 or self.cells.dtype != np.int8 or self.cells.size == 0:
-            raise MapError(f"a map needs int8 cells in rows and columns, not {self.cells.dtype}{self.cells.shape}")
+            raise MapError(
+                f"a map needs int8 cells in rows and columns, not {self.cells.dtype}{self.cells.shape}"
+            )
 
     @property
     def rows(self) -> int:

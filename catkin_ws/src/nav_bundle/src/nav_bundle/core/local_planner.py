@@ -99,10 +99,14 @@ class Route:
         place = situation.costmap.geometry
         reach = max(place.rows, place.cols) * place.resolution / 2.0
         robot = situation.local_from_global.inverse().compose(situation.pose)
-        distance = np.hypot(self.plan[self._first :, 0] - robot.x, self.plan[self._first :, 1] - robot.y)
+        distance = np.hypot(
+            self.plan[self._first :, 0] - robot.x, self.plan[self._first :, 1] - robot.y
+        )
         near = distance <= reach
         if not near.any():
-            raise LocalPlannerError("Received plan with zero length: the global plan does not pass the robot")
+            raise LocalPlannerError(
+                "Received plan with zero length: the global plan does not pass the robot"
+            )
         begin = int(near.argmax())
         end = begin + (len(near) - begin if near[begin:].all() else int(near[begin:].argmin()))
         behind = distance[begin:end] < _BEHIND

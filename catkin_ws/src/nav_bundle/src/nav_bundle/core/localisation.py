@@ -13,7 +13,14 @@ from nav_bundle.core.grid import Grid
 from nav_bundle.core.motion import MotionModel, motion_model
 from nav_bundle.core.particle import Estimate, FreeSpace, Judge, ParticleFilter
 from nav_bundle.core.pose import Pose, angle_difference
-from nav_bundle.core.sensor import Beams, DistanceField, LikelihoodField, Scan, SensorModel, sensor_model
+from nav_bundle.core.sensor import (
+    Beams,
+    DistanceField,
+    LikelihoodField,
+    Scan,
+    SensorModel,
+    sensor_model,
+)
 from nav_bundle.kernels.alignment import align
 
 RIVALS = 50
@@ -46,7 +53,9 @@ class Update:
 
     #: the robot's pose when the scan was taken; None if the particles were weighted but not resampled
     estimate: Estimate | None
-    map_from_odom: Pose | None  #: the odometry frame's pose in the map; None if ``estimate`` is None
+    map_from_odom: (
+        Pose | None
+    )  #: the odometry frame's pose in the map; None if ``estimate`` is None
 
 
 class Localisation:
@@ -67,7 +76,9 @@ class Localisation:
         self._odom: Pose | None = None
         self._forced = self._scattered = False
         self._updates = self._doubts = 0
-        self.agreement = 1.0  #: share of the last scan's beams that fit the map; 1 without ``refine_estimate``
+        self.agreement = (
+            1.0  #: share of the last scan's beams that fit the map; 1 without ``refine_estimate``
+        )
 
     @property
     def particles(self) -> NDArray[np.float64]:
@@ -96,8 +107,14 @@ class Localisation:
         before, self._config = self._config, config
         self._filter.configure(config)
         self._move = _motion_model(config)
-        sensing = [field.name for field in fields(config) if field.name.startswith(("laser_", "do_beam", "beam_"))]
-        if self._free is not None and any(getattr(config, name) != getattr(before, name) for name in sensing):
+        sensing = [
+            field.name
+            for field in fields(config)
+            if field.name.startswith(("laser_", "do_beam", "beam_"))
+        ]
+        if self._free is not None and any(
+            getattr(config, name) != getattr(before, name) for name in sensing
+        ):
             self._sensor = None
             self._sensor = sensor_model(config, self._free.grid)
 
@@ -149,16 +166,22 @@ class Localisation:
         config = self._config
         beams = self._thinned(scan, config.laser_max_beams)
         likelihoods = partial(self._sensor.likelihoods, beams=beams)
-        if self._scattered:  # a sparse uniform spread may miss the true pose: draw where the scan is likely instead
+        if (
+            self._scattered
+        ):  # a sparse uniform spread may miss the true pose: draw where the scan is likely instead
             count = config.max_particles
             rivals = max(RIVALS, math.ceil(DENSITY * self._free.area / count))
-            self._filter.replace(_likely(self._free, likelihoods, rivals, self._sensor.capacity, count))
+            self._filter.replace(
+                _likely(self._free, likelihoods, rivals, self._sensor.capacity, count)
+            )
             self._scattered = False
         self._filter.weigh(likelihoods(self._filter.poses))
         self._updates += 1
         resampled = self._updates % config.resample_interval == 0
         if resampled:
-            self._filter.resample(partial(_likely, self._free, likelihoods, RIVALS, self._sensor.capacity // 10))
+            self._filter.resample(
+                partial(_likely, self._free, likelihoods, RIVALS, self._sensor.capacity // 10)
+            )
         if not (resampled or first):
             return Update(None, None)
         estimate = self._refined(self._filter.estimate(), scan)
@@ -171,7 +194,9 @@ class Localisation:
         """
         if not (self._config.refine_estimate and isinstance(self._sensor, LikelihoodField)):
             return estimate
-        pose, self.agreement = _fitted(estimate, self._thinned(scan, REFINING_BEAMS), self._sensor.field)
+        pose, self.agreement = _fitted(
+            estimate, self._thinned(scan, REFINING_BEAMS), self._sensor.field
+        )
         self._doubts = self._doubts + 1 if self.agreement < LEAST_AGREEMENT else 0
         if pose is not estimate.pose:
             self._filter.learn(pose)
@@ -194,7 +219,9 @@ def _fitted(estimate: Estimate, beams: Beams, field: DistanceField) -> tuple[Pos
     prior = estimate.cluster_covariance + np.eye(3) * PRIOR_FLOOR**2
     try:
         information = np.ascontiguousarray(np.linalg.inv(prior) * SIGMA**2)
-    except np.linalg.LinAlgError:  # particles thousands of kilometres apart: the estimate means nothing
+    except (
+        np.linalg.LinAlgError
+    ):  # particles thousands of kilometres apart: the estimate means nothing
         return estimate.pose, 0.0
     start, found = np.array([estimate.pose.x, estimate.pose.y, estimate.pose.yaw]), np.empty(3)
     agreement = align(start, points, field.cells, information, SIGMA, ITERATIONS, found)
@@ -204,11 +231,19 @@ def _fitted(estimate: Estimate, beams: Beams, field: DistanceField) -> tuple[Pos
     return pose if near and agreement >= LEAST_AGREEMENT else estimate.pose, agreement
 
 
-def _likely(free: FreeSpace, likelihoods: Judge, rivals: int, most: int, count: int) -> NDArray[np.float64]:
+def _likely(
+    free: FreeSpace, likelihoods: Judge, rivals: int, most: int, count: int
+) -> NDArray[np.float64]:
     """Returns ``count`` poses, each the likeliest of ``rivals``, or of fewer to evaluate at most ``most`` poses."""
     return free.draw_likely(count, max(1, min(rivals, most // max(1, count))), likelihoods)
 
 
 def _motion_model(config: AmclConfig) -> MotionModel:
-    alphas = (config.odom_alpha1, config.odom_alpha2, config.odom_alpha3, config.odom_alpha4, config.odom_alpha5)
+    alphas = (
+        config.odom_alpha1,
+        config.odom_alpha2,
+        config.odom_alpha3,
+        config.odom_alpha4,
+        config.odom_alpha5,
+    )
     return motion_model(config.odom_model_type, alphas)

@@ -31,7 +31,9 @@ def motion_model(name: str, alphas: Alphas) -> MotionModel:
     is_corrected = name.endswith("-corrected")
     step = _drive if name.startswith("diff") else _strafe
 
-    def move(particles: NDArray[np.float64], before: Pose, after: Pose, generator: np.random.Generator) -> None:
+    def move(
+        particles: NDArray[np.float64], before: Pose, after: Pose, generator: np.random.Generator
+    ) -> None:
         def noise(*variances: float) -> NDArray[np.float64]:
             deviations = np.sqrt(variances) if is_corrected else np.array(variances)
             return generator.standard_normal((3, len(particles))) * deviations[:, None]
@@ -41,7 +43,9 @@ def motion_model(name: str, alphas: Alphas) -> MotionModel:
     return move
 
 
-def _drive(particles: NDArray[np.float64], before: Pose, after: Pose, alphas: Alphas, noise: Noise) -> None:
+def _drive(
+    particles: NDArray[np.float64], before: Pose, after: Pose, alphas: Alphas, noise: Noise
+) -> None:
     """Moves particles as a differential drive: turn, drive straight, turn again."""
     distance = before.distance(after)
     turn = angle_difference(after.yaw, before.yaw)
@@ -50,7 +54,9 @@ def _drive(particles: NDArray[np.float64], before: Pose, after: Pose, alphas: Al
         first = angle_difference(math.atan2(after.y - before.y, after.x - before.x), before.yaw)
     second = angle_difference(turn, first)
     # Driving backwards is not a turn by pi, and has the same noise as driving forwards.
-    first_noise, second_noise = (min(abs(a), abs(angle_difference(a, math.pi))) for a in (first, second))
+    first_noise, second_noise = (
+        min(abs(a), abs(angle_difference(a, math.pi))) for a in (first, second)
+    )
     a1, a2, a3, a4, _ = alphas
     error = noise(
         a1 * first_noise**2 + a2 * distance**2,
@@ -64,12 +70,18 @@ def _drive(particles: NDArray[np.float64], before: Pose, after: Pose, alphas: Al
     particles[:, 2] = heading + second - error[2]
 
 
-def _strafe(particles: NDArray[np.float64], before: Pose, after: Pose, alphas: Alphas, noise: Noise) -> None:
+def _strafe(
+    particles: NDArray[np.float64], before: Pose, after: Pose, alphas: Alphas, noise: Noise
+) -> None:
     """Moves particles as an omnidirectional base: translation in any direction with a simultaneous turn."""
     distance = before.distance(after)
     turn = angle_difference(after.yaw, before.yaw)
     a1, a2, a3, a4, a5 = alphas
-    error = noise(a3 * distance**2 + a1 * turn**2, a4 * turn**2 + a2 * distance**2, a1 * turn**2 + a5 * distance**2)
+    error = noise(
+        a3 * distance**2 + a1 * turn**2,
+        a4 * turn**2 + a2 * distance**2,
+        a1 * turn**2 + a5 * distance**2,
+    )
     bearing = particles[:, 2] + math.atan2(after.y - before.y, after.x - before.x) - before.yaw
     cosine, sine = np.cos(bearing), np.sin(bearing)
     length = distance + error[0]

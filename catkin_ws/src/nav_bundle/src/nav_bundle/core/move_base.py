@@ -29,7 +29,9 @@ class Trigger(Enum):
     PLANNING = "Failed to find a valid plan. Even after executing recovery behaviors."
     CONTROLLING = "Failed to find a valid control. Even after executing recovery behaviors."
     OSCILLATION = "Robot is oscillating. Even after executing recovery behaviors."
-    PUSHING = "Robot is commanded to drive and does not move. Even after executing recovery behaviors."
+    PUSHING = (
+        "Robot is commanded to drive and does not move. Even after executing recovery behaviors."
+    )
     SENSORS = "Sensor data is out of date."
     PROGRESS = "Robot makes no progress towards the goal. Even after executing recovery behaviors."
 
@@ -103,13 +105,17 @@ class Inputs:
     pose: Pose | None = None  #: the robot's pose in the global frame; None if unknown
     current: bool = True  #: sensor data, odometry and transforms are recent enough to drive
     plan: PlanOutcome = PlanOutcome.NONE  #: outcome of the search for a plan, if it has ended
-    control: Velocity | None = None  #: the local planner's command; None if it found no valid velocity
+    control: Velocity | None = (
+        None  #: the local planner's command; None if it found no valid velocity
+    )
     reached: bool = False  #: the local planner reports that the goal is reached
     recovery: Velocity | None = None  #: the active recovery behaviour's command
     recovered: bool = False  #: the active recovery behaviour has ended
     meeting: bool = False  #: an unmapped obstacle is near, so plans must be renewed sooner
     pushing: bool = False  #: the robot is commanded to drive but does not move
-    remaining: float | None = None  #: remaining way by the current plan [m]; None without a plan, or if it is blocked
+    remaining: float | None = (
+        None  #: remaining way by the current plan [m]; None without a plan, or if it is blocked
+    )
     blocked: bool = False  #: the current plan leads through an obstacle
     blocked_near: bool = False  #: the current plan leads through an obstacle that is near
     discovered: bool = False  #: an obstacle that was not known before was found on the way
@@ -161,7 +167,9 @@ RETRY_PERIOD = 0.1
 """Longest wait between two searches while the robot has no plan [s]."""
 PUSHING_TEXT = "The robot is commanded to drive and does not move: it pushes against something, or its motors are off"
 LATE_TEXT = "The goal was not reached within its total time, goal_timeout_scale times that of its first plan."
-STALE_TEXT = "Sensor data is out of date, we're not going to allow commanding of the base for safety"
+STALE_TEXT = (
+    "Sensor data is out of date, we're not going to allow commanding of the base for safety"
+)
 
 
 def advance(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
@@ -189,8 +197,14 @@ def advance(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
         state, command, more = _control(state, inputs, now, limits)
     elif state.phase is Phase.CLEARING:
         state, command, more = _recover(state, inputs, now, limits)
-    if (inputs.meeting or inputs.blocked) and state.phase is Phase.CONTROLLING and math.isfinite(state.plan_due):
-        state = replace(state, plan_due=min(state.plan_due, state.last_search + limits.meeting_period))
+    if (
+        (inputs.meeting or inputs.blocked)
+        and state.phase is Phase.CONTROLLING
+        and math.isfinite(state.plan_due)
+    ):
+        state = replace(
+            state, plan_due=min(state.plan_due, state.last_search + limits.meeting_period)
+        )
     state, request = _request_plan(state, now)
     return state, command, events + more + request
 
@@ -235,7 +249,10 @@ def _watch_oscillation(state: State, pose: Pose | None, now: float, limits: Limi
     """Resets the oscillation timer if the robot has moved by ``oscillation_distance``."""
     if pose is None:
         return state
-    if state.oscillation_pose is not None and pose.distance(state.oscillation_pose) < limits.oscillation_distance:
+    if (
+        state.oscillation_pose is not None
+        and pose.distance(state.oscillation_pose) < limits.oscillation_distance
+    ):
         return state
     index = 0 if state.trigger in (Trigger.OSCILLATION, Trigger.PUSHING) else state.recovery_index
     return replace(state, last_oscillation_reset=now, oscillation_pose=pose, recovery_index=index)
@@ -269,10 +286,14 @@ def _take_plan(state: State, inputs: Inputs, now: float, limits: Limits) -> Step
 
 def _planning_failed(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
     """Retries until patience or retries are exhausted; a moving robot keeps its current plan until it is blocked."""
-    period = min(limits.planning_period, RETRY_PERIOD) if math.isfinite(limits.planning_period) else 0.0
+    period = (
+        min(limits.planning_period, RETRY_PERIOD) if math.isfinite(limits.planning_period) else 0.0
+    )
     if state.phase is Phase.CONTROLLING:
         if inputs.blocked_near:
-            state = replace(state, phase=Phase.PLANNING, last_valid_plan=now, planning_retries=0, plan_due=now)
+            state = replace(
+                state, phase=Phase.PLANNING, last_valid_plan=now, planning_retries=0, plan_due=now
+            )
             return state, STANDSTILL, ()
         return replace(state, plan_due=now + limits.planning_period), None, ()
     retries = state.planning_retries + 1
@@ -285,7 +306,9 @@ def _planning_failed(state: State, inputs: Inputs, now: float, limits: Limits) -
 
 def _clear(state: State, trigger: Trigger) -> Step:
     """Stops the robot and enters recovery."""
-    state = replace(state, phase=Phase.CLEARING, trigger=trigger, recovering=False, plan_due=math.inf)
+    state = replace(
+        state, phase=Phase.CLEARING, trigger=trigger, recovering=False, plan_due=math.inf
+    )
     return state, STANDSTILL, (StopPlanning(),)
 
 
@@ -303,7 +326,9 @@ def _control(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
         return replace(state, last_valid_control=now, recovery_index=index), inputs.control, ()
     if now > state.last_valid_control + limits.controller_patience:
         return _clear(state, Trigger.CONTROLLING)
-    state = replace(state, phase=Phase.PLANNING, last_valid_plan=now, planning_retries=0, plan_due=now)
+    state = replace(
+        state, phase=Phase.PLANNING, last_valid_plan=now, planning_retries=0, plan_due=now
+    )
     return state, STANDSTILL, (StopPlanning(),)
 
 

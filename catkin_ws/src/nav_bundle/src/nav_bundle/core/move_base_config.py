@@ -35,9 +35,14 @@ _LONGEST_FULL_TURN = 35.0
 _FRONT = 0.5
 """Cosine of 60 degrees: obstacles farther to the side do not count as in front."""
 
-LocalKind = tuple[Callable[[Mapping[str, Any], str, float], Any], Callable[[Any, float], LocalPlanner]]
+LocalKind = tuple[
+    Callable[[Mapping[str, Any], str, float], Any], Callable[[Any, float], LocalPlanner]
+]
 _LOCAL_PLANNERS: dict[str, LocalKind] = {
-    "base_local_planner/TrajectoryPlannerROS": (trajectory_config_from_parameters, TrajectoryPlanner),
+    "base_local_planner/TrajectoryPlannerROS": (
+        trajectory_config_from_parameters,
+        TrajectoryPlanner,
+    ),
     "dwa_local_planner/DWAPlannerROS": (dwa_config_from_parameters, DwaPlanner),
 }
 """By type: reads the configuration from parameters, namespace and control frequency [Hz]; creates the planner from the
@@ -151,7 +156,10 @@ class Setup:
         configs: dict[str, Any] = {"": self.base, self.local_planner_name: self.local_planner}
         if live_values(self.global_planner):
             configs[self.global_planner_name] = self.global_planner
-        for name, costmap in (("global_costmap", self.global_costmap), ("local_costmap", self.local_costmap)):
+        for name, costmap in (
+            ("global_costmap", self.global_costmap),
+            ("local_costmap", self.local_costmap),
+        ):
             configs[name] = costmap
             layers = zip(costmap.layer_names, costmap.layers, strict=True)
             configs.update({f"{name}/{layer_name}": layer for layer_name, layer in layers})
@@ -161,12 +169,18 @@ class Setup:
     def potential_scale(self) -> int:
         """Maximum value of the published potential; 0 if it is not published."""
         planner = self.global_planner
-        return planner.publish_scale if isinstance(planner, GlobalPlannerConfig) and planner.publish_potential else 0
+        return (
+            planner.publish_scale
+            if isinstance(planner, GlobalPlannerConfig) and planner.publish_potential
+            else 0
+        )
 
     @property
     def care(self) -> Care:
         """Speed limit in front of unmapped obstacles."""
-        return Care(self.base.meeting_margin, self.base.meeting_vel_scale, self.base.meeting_min_vel)
+        return Care(
+            self.base.meeting_margin, self.base.meeting_vel_scale, self.base.meeting_min_vel
+        )
 
     def make_global_planner(self) -> NavfnPlanner:
         """Returns a new global planner of the configured type."""
@@ -176,7 +190,8 @@ class Setup:
     def drives_as(self, other: "Setup") -> bool:
         """Returns whether both setups have the same local planner, configuration and local costmap resolution."""
         mine, its = (
-            (each.local_planner_name, each.local_planner, each.local_costmap.resolution) for each in (self, other)
+            (each.local_planner_name, each.local_planner, each.local_costmap.resolution)
+            for each in (self, other)
         )
         return mine == its
 
@@ -215,19 +230,31 @@ def setup_from_parameters(parameters: Mapping[str, Any], owner: str) -> Setup:
         ParameterError: an unknown or invalid parameter, or an unknown planner.
     """
     nested = {name for name, value in parameters.items() if isinstance(value, Mapping)}
-    base = config_from_mapping(MoveBaseConfig, parameters, owner, nested | {"footprint", "robot_radius"})
+    base = config_from_mapping(
+        MoveBaseConfig, parameters, owner, nested | {"footprint", "robot_radius"}
+    )
     _check(base, owner)
     global_costmap, local_costmap = (
-        costmap_config_from_parameters(namespace_in(parameters, name, owner), f"{owner}/{name}", parameters)
+        costmap_config_from_parameters(
+            namespace_in(parameters, name, owner), f"{owner}/{name}", parameters
+        )
         for name in ("global_costmap", "local_costmap")
     )
     radius = local_costmap.outline().circumscribed_radius
-    recoveries = tuple(recoveries_from_parameters(parameters, radius)) if base.recovery_behavior_enabled else ()
-    name, (read_local, _) = _planner(_LOCAL_PLANNERS, base.base_local_planner, f"{owner}: ~base_local_planner")
+    recoveries = (
+        tuple(recoveries_from_parameters(parameters, radius))
+        if base.recovery_behavior_enabled
+        else ()
+    )
+    name, (read_local, _) = _planner(
+        _LOCAL_PLANNERS, base.base_local_planner, f"{owner}: ~base_local_planner"
+    )
     global_name, (read_global, _) = _planner(
         _GLOBAL_PLANNERS, base.base_global_planner, f"{owner}: ~base_global_planner"
     )
-    local_planner = read_local(namespace_in(parameters, name, owner), f"{owner}/{name}", base.controller_frequency)
+    local_planner = read_local(
+        namespace_in(parameters, name, owner), f"{owner}/{name}", base.controller_frequency
+    )
     return Setup(
         base,
         global_costmap,

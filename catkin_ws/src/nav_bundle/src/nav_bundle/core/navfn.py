@@ -58,7 +58,9 @@ class NavfnConfig:
 
 def weights(allow_unknown: bool) -> NDArray[np.float32]:
     """Returns the potential added by crossing a cell, by its cost; negative if blocked. Shape (256,)."""
-    table = np.floor(np.minimum(NEUTRAL_COST + COST_FACTOR * np.arange(256), HIGHEST_COST)).astype(np.float32)
+    table = np.floor(np.minimum(NEUTRAL_COST + COST_FACTOR * np.arange(256), HIGHEST_COST)).astype(
+        np.float32
+    )
     table[INSCRIBED:] = _BLOCKED
     table[UNKNOWN] = HIGHEST_COST if allow_unknown else _BLOCKED
     return table
@@ -82,7 +84,9 @@ class NavfnPlanner:
         """Returns the path after post-processing; hook for subclasses."""
         return path
 
-    def search(self, costmap: Costmap, start: Pose, goal: Pose, tolerance: float | None = None) -> "NavfnSearch":
+    def search(
+        self, costmap: Costmap, start: Pose, goal: Pose, tolerance: float | None = None
+    ) -> "NavfnSearch":
         """Starts a search on a copy of the costmap's cells; see ``planner.GlobalPlanner``."""
         place = costmap.geometry
         start_cell, goal_cell = place.cell_at(start.x, start.y), place.cell_at(goal.x, goal.y)
@@ -100,7 +104,9 @@ class NavfnPlanner:
         if self.config.keep_right:
             _keep_right(costs, place, start, costmap.unmapped(start, MEETING_DISTANCE))
         reach = self.config.default_tolerance if tolerance is None else tolerance
-        search = NavfnSearch(costs, replace(place), start_cell, goal_cell, goal, reach, self._weights, self._guided)
+        search = NavfnSearch(
+            costs, replace(place), start_cell, goal_cell, goal, reach, self._weights, self._guided
+        )
         search.finish, search.follow_cells = partial(self._finished, start), self._follow_cells
         return search
 
@@ -152,11 +158,15 @@ class NavfnSearch:
         descend = kernel.descend_cells if self.follow_cells else kernel.descend
         steps = steps[: descend(self.potential, steps, end, self._start)]
         if len(steps) == 0 and end != self._start:
-            raise NoPathError("Failed to get a plan from potential when a legal potential was found.")
+            raise NoPathError(
+                "Failed to get a plan from potential when a legal potential was found."
+            )
         return self.finish(self._poses(steps[::-1], exact))
 
     def _nearest(self) -> Cell:
-        cell = kernel.nearest_reached(self.potential, self._goal_cell, self._tolerance / self.geometry.resolution)
+        cell = kernel.nearest_reached(
+            self.potential, self._goal_cell, self._tolerance / self.geometry.resolution
+        )
         if cell < 0:
             raise NoPathError("Failed to get a plan.")
         row, col = divmod(int(cell), self.geometry.cols)
@@ -184,7 +194,9 @@ def _open_around(costs: NDArray[np.uint8], cell: Cell, radius: float) -> None:
     part[near & (part == INSCRIBED)] = INSCRIBED - 1
 
 
-def _keep_right(costs: NDArray[np.uint8], place: Geometry, robot: Pose, unmapped: NDArray[np.float64]) -> None:
+def _keep_right(
+    costs: NDArray[np.uint8], place: Geometry, robot: Pose, unmapped: NDArray[np.float64]
+) -> None:
     """Draws a line of high cost from each unmapped point (n, 2) [m] to its left, as seen from the robot."""
     if not len(unmapped):
         return
@@ -194,7 +206,9 @@ def _keep_right(costs: NDArray[np.uint8], place: Geometry, robot: Pose, unmapped
     aside = np.arange(0.0, _SHUNNED_LENGTH, place.resolution)[:, None, None, None]
     behind = np.arange(-_SHUNNED_DEPTH, _SHUNNED_DEPTH, place.resolution)[None, :, None, None]
     points = (unmapped + aside * left + behind * towards).reshape(-1, 2)
-    cells = np.floor((points - (place.origin_x, place.origin_y)) / place.resolution).astype(np.int64)
+    cells = np.floor((points - (place.origin_x, place.origin_y)) / place.resolution).astype(
+        np.int64
+    )
     inside = ((cells >= 0) & (cells < (place.cols, place.rows))).all(axis=1)
     cols, rows = cells[inside].T
     open_ground = costs[rows, cols] < INSCRIBED
@@ -211,7 +225,9 @@ class Wave:
         band: width of the priority bands; cells within a band are visited in any order.
     """
 
-    def __init__(self, costs: NDArray[np.uint8], weights: NDArray[np.float32], source: Cell, band: float) -> None:
+    def __init__(
+        self, costs: NDArray[np.uint8], weights: NDArray[np.float32], source: Cell, band: float
+    ) -> None:
         self._guide = _NO_GUIDE
         #: float32, shape (rows, cols): cost of the cheapest path from the source, ``FAR`` in cells not reached
         self.potential: NDArray[np.float32] = np.empty(costs.shape, np.float32)
@@ -242,7 +258,9 @@ class Wave:
         """Visits about ``budget`` cells; returns whether the potential of ``goal`` is final or no cells are left."""
         while (status := spread(self._front, goal, self._guide, budget)) == FULL:
             queue = self._front.queue
-            self._front = self._front._replace(queue=np.concatenate([queue, np.empty_like(queue)], axis=1))
+            self._front = self._front._replace(
+                queue=np.concatenate([queue, np.empty_like(queue)], axis=1)
+            )
         return status == DONE
 
 
@@ -254,7 +272,12 @@ class Guide:
     """
 
     def __init__(
-        self, costs: NDArray[np.uint8], weights: NDArray[np.float32], start: Cell, goal: Cell, band: float
+        self,
+        costs: NDArray[np.uint8],
+        weights: NDArray[np.float32],
+        start: Cell,
+        goal: Cell,
+        band: float,
     ) -> None:
         blocks = [-(-size // BLOCK) + 2 for size in costs.shape]
         coarse = np.full(blocks, _CLOSED, np.uint8)

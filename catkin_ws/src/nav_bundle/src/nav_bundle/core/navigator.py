@@ -59,7 +59,9 @@ class Sight:
 
     pose: Pose | None  #: the robot's pose in the global costmap's frame
     local_pose: Pose | None = None  #: the robot's pose in the local costmap's frame
-    local_from_global: Pose | None = None  #: pose of the global costmap's frame in the local costmap's frame
+    local_from_global: Pose | None = (
+        None  #: pose of the global costmap's frame in the local costmap's frame
+    )
     velocity: Velocity | None = None  #: measured velocity
     current: bool = False  #: sensor data, odometry and transforms are recent enough to drive
     #: other robots' poses by name, in the global costmap's frame
@@ -105,7 +107,11 @@ class Navigator:
     """
 
     def __init__(
-        self, setup: Setup, global_costmap: Costmap, local_costmap: Costmap, refresh: Callable[[], None]
+        self,
+        setup: Setup,
+        global_costmap: Costmap,
+        local_costmap: Costmap,
+        refresh: Callable[[], None],
     ) -> None:
         self._setup, self._refresh = setup, refresh
         self._global, self._local = global_costmap, local_costmap
@@ -113,7 +119,9 @@ class Navigator:
         self._controller = setup.make_local_planner()
         self._state = State()
         self._goal: Pose | None = None
-        self._search: Search | PlannerError | None = None  #: the error if the search could not start
+        self._search: Search | PlannerError | None = (
+            None  #: the error if the search could not start
+        )
         self._path: Path | None = None
         self._choice = PlanChoice()
         self._recovery: Recovery | None = None
@@ -136,7 +144,10 @@ class Navigator:
     def configure(self, setup: Setup) -> None:
         """Applies new parameters; keeps the current plan."""
         before, self._setup = self._setup, setup
-        if (setup.global_planner_name, setup.global_planner) != (before.global_planner_name, before.global_planner):
+        if (setup.global_planner_name, setup.global_planner) != (
+            before.global_planner_name,
+            before.global_planner,
+        ):
             self.planner = setup.make_global_planner()
         self._pushing = PushingWatch(setup.base.pushing_timeout)
         if not setup.drives_as(before):
@@ -150,7 +161,9 @@ class Navigator:
         self._choice.check(self._global, pose, now)
         self._unmapped = _NOBODY
         if pose is not None:
-            self._unmapped = self._global.unmapped(pose, base.meeting_distance, base.meeting_min_width)
+            self._unmapped = self._global.unmapped(
+                pose, base.meeting_distance, base.meeting_min_width
+            )
 
     def look_at(self, picture: Picture) -> None:
         """Adds a scan, in the local costmap's frame, to the pushing detection."""
@@ -196,10 +209,16 @@ class Navigator:
         """Returns the inputs, completed with the outcomes of search, local planner and recovery."""
         inputs = replace(inputs, plan=self._search_on(result))
         if self._state.phase is Phase.CONTROLLING:
-            self._pushing.note_motion(self._command, sight.velocity or Velocity(), sight.local_pose or Pose(), now)
+            self._pushing.note_motion(
+                self._command, sight.velocity or Velocity(), sight.local_pose or Pose(), now
+            )
             inputs = replace(inputs, pushing=self._pushing.pushes(now))
             result.decision = decision = self._decide(sight, result)
-            return inputs if decision is None else replace(inputs, control=decision.velocity, reached=decision.reached)
+            return (
+                inputs
+                if decision is None
+                else replace(inputs, control=decision.velocity, reached=decision.reached)
+            )
         if self._recovery is not None:
             assert sight.pose is not None
             assert sight.local_pose is not None
@@ -230,10 +249,17 @@ class Navigator:
 
     def _decide(self, sight: Sight, result: Cycle) -> Decision | None:
         """Returns the local planner's decision; None if it finds no valid velocity or the robot state is unknown."""
-        if sight.pose is None or sight.local_pose is None or sight.local_from_global is None or sight.velocity is None:
+        if (
+            sight.pose is None
+            or sight.local_pose is None
+            or sight.local_from_global is None
+            or sight.velocity is None
+        ):
             return None
         fastest = self._setup.care.speed(self._unmapped, sight.pose)
-        situation = Situation(self._local, sight.local_pose, sight.velocity, sight.local_from_global, fastest)
+        situation = Situation(
+            self._local, sight.local_pose, sight.velocity, sight.local_from_global, fastest
+        )
         try:
             return self._controller.decide(situation)
         except LocalPlannerError as error:
@@ -268,13 +294,17 @@ class Navigator:
         """Returns what the robot is doing, and why it does not arrive."""
         state = self._state
         if state.phase is Phase.IDLE:
-            return (Condition.FAILED if self._failure is not NO_REASON else Condition.IDLE), self._failure
+            return (
+                Condition.FAILED if self._failure is not NO_REASON else Condition.IDLE
+            ), self._failure
         if not (inputs.current or inputs.new_goal):
             return Condition.BLOCKED, NO_SENSOR_DATA
         reason = self._hindrance(pose, now)
         if state.phase is Phase.CLEARING:
             pushes = state.trigger is Trigger.PUSHING
-            return Condition.RECOVERING, DOES_NOT_MOVE if pushes else reason or without_progress(state.trigger, pose)
+            return Condition.RECOVERING, DOES_NOT_MOVE if pushes else reason or without_progress(
+                state.trigger, pose
+            )
         return (Condition.DRIVING, NO_REASON) if reason is None else (Condition.BLOCKED, reason)
 
     def _hindrance(self, pose: Pose | None, now: float) -> Reason | None:
@@ -283,7 +313,9 @@ class Navigator:
         stands = self._state.phase is not Phase.CONTROLLING
         blocked_at = self._choice.blocked_at
         if blocked_at is not None and (stands or self._choice.is_blocked_near(pose)):
-            return goal_reason(self._global, self._goal, self._robots) or way_blocked(blocked_at, self._robots)
+            return goal_reason(self._global, self._goal, self._robots) or way_blocked(
+                blocked_at, self._robots
+            )
         progress = self._state.progress
         if now - max(progress.since, progress.changed) > self._setup.limits.progress.timeout / 2.0:
             return without_progress(None, pose)
@@ -321,7 +353,9 @@ class Navigator:
             return finish
         assert self._goal is not None
         blocked = self._choice.last_blocked
-        self._failure = failure(finish.trigger, self._global, self._goal, pose, blocked, self._robots)
+        self._failure = failure(
+            finish.trigger, self._global, self._goal, pose, blocked, self._robots
+        )
         return replace(finish, text=f"{finish.text} {self._failure.sentence()}")
 
     def _start_planning(self, pose: Pose | None) -> None:

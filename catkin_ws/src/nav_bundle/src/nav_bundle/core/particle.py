@@ -56,7 +56,9 @@ class FreeSpace:
         generator, free = self._generator, int(self._until_row[-1])
         cells = np.empty((count, 2), np.int64)
         if free:
-            kernel.find_cells(self._cells, FREE, self._until_row, generator.integers(0, free, count), cells)
+            kernel.find_cells(
+                self._cells, FREE, self._until_row, generator.integers(0, free, count), cells
+            )
         else:
             cells[:] = generator.integers(0, self._cells.shape, (count, 2))
         points = self.grid.points_at(cells + generator.uniform(-0.5, 0.5, (count, 2)))
@@ -130,7 +132,9 @@ class ParticleFilter:
         amcl resets both averages after the first such draw).
         """
         config, generator = self._config, self._generator
-        if config.selective_resampling and 1.0 / float((self.weights**2).sum()) > 0.5 * len(self.weights):
+        if config.selective_resampling and 1.0 / float((self.weights**2).sum()) > 0.5 * len(
+            self.weights
+        ):
             return
         most = config.max_particles
         fall = 1.0 - self._fast / self._slow if self._slow > 0.0 else 0.0

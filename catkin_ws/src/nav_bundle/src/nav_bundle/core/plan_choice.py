@@ -27,9 +27,15 @@ class PlanChoice:
 
     def __init__(self) -> None:
         self.followed: FollowedPlan | None = None  #: the current plan; None before the first one
-        self.blocked_at: tuple[float, float] | None = None  #: where the current plan is blocked (x, y) [m]
-        self._found_blocked: dict[tuple[float, float], float] = {}  # when each place was last seen blocked [s]
-        self._cleared: list[NDArray[np.float64]] = []  # obstacles known before each recovery behaviour (n, 2) [m]
+        self.blocked_at: tuple[float, float] | None = (
+            None  #: where the current plan is blocked (x, y) [m]
+        )
+        self._found_blocked: dict[
+            tuple[float, float], float
+        ] = {}  # when each place was last seen blocked [s]
+        self._cleared: list[
+            NDArray[np.float64]
+        ] = []  # obstacles known before each recovery behaviour (n, 2) [m]
         self._discovered = False
 
     @property
@@ -68,7 +74,10 @@ class PlanChoice:
         """Returns whether the obstacle at ``place`` was found for this goal before, maybe cleared by a recovery."""
         if any(math.dist(place, known) < _SAME_PLACE for known in self._found_blocked):
             return True
-        return any(np.hypot(*(points - place).T).min(initial=np.inf) < _SAME_PLACE for points in self._cleared)
+        return any(
+            np.hypot(*(points - place).T).min(initial=np.inf) < _SAME_PLACE
+            for points in self._cleared
+        )
 
     def remaining(self, pose: Pose | None) -> float | None:
         """Returns the remaining way by the plan [m]; None without a plan, or if it is blocked."""
@@ -80,7 +89,11 @@ class PlanChoice:
     def is_blocked_near(self, pose: Pose | None) -> bool:
         """Returns whether the plan is blocked so near that driving on leads nowhere."""
         place = self.blocked_at
-        return place is not None and pose is not None and math.dist(place, (pose.x, pose.y)) < _BLOCKED_NEAR
+        return (
+            place is not None
+            and pose is not None
+            and math.dist(place, (pose.x, pose.y)) < _BLOCKED_NEAR
+        )
 
     def takes(self, path: Path, search: Search | None, now: float) -> bool:
         """Follows the new plan ``path`` from now on, if it is better; returns whether it is."""
@@ -90,7 +103,9 @@ class PlanChoice:
         self.blocked_at = None
         return True
 
-    def _is_better(self, path: Path, followed: FollowedPlan, search: Search | None, now: float) -> bool:
+    def _is_better(
+        self, path: Path, followed: FollowedPlan, search: Search | None, now: float
+    ) -> bool:
         """Returns whether a new plan replaces the one that is followed.
 
         It does not where both lead different ways at nearly the same cost, or where it leads past a place that was
@@ -100,7 +115,9 @@ class PlanChoice:
             return True
         if not isinstance(search, NavfnSearch) or not np.array_equal(path[-1], followed.path[-1]):
             return True
-        doubtful = [place for place, time in self._found_blocked.items() if now - time < _SURELY_FREE]
+        doubtful = [
+            place for place, time in self._found_blocked.items() if now - time < _SURELY_FREE
+        ]
         if any(np.hypot(path[:, 0] - x, path[:, 1] - y).min() < _SAME_PLACE for x, y in doubtful):
             return False
         current_cost = cost_of(followed.ahead, search.costs, search.geometry, search.weights)

@@ -44,7 +44,9 @@ class Search(Protocol):
 class GlobalPlanner(Protocol):
     """Plans paths on a global costmap."""
 
-    def search(self, costmap: Costmap, start: Pose, goal: Pose, tolerance: float | None = None) -> Search:
+    def search(
+        self, costmap: Costmap, start: Pose, goal: Pose, tolerance: float | None = None
+    ) -> Search:
         """Starts a search for a path; ``tolerance`` [m] applies around the goal (None: the planner's default).
 
         Raises:
@@ -59,7 +61,11 @@ EVERYTHING = 1 << 62
 
 
 def path_between(
-    planner: GlobalPlanner, costmap: Costmap, start: Pose, goal: Pose, tolerance: float | None = None
+    planner: GlobalPlanner,
+    costmap: Costmap,
+    start: Pose,
+    goal: Pose,
+    tolerance: float | None = None,
 ) -> Path:
     """Returns the path, searched in one call.
 

@@ -39,7 +39,11 @@ class Pose:
     def inverse(self) -> "Pose":
         """Returns the pose of the parent frame in this pose's frame."""
         cosine, sine = math.cos(self.yaw), math.sin(self.yaw)
-        return Pose(-self.x * cosine - self.y * sine, self.x * sine - self.y * cosine, normalized_angle(-self.yaw))
+        return Pose(
+            -self.x * cosine - self.y * sine,
+            self.x * sine - self.y * cosine,
+            normalized_angle(-self.yaw),
+        )
 
     def apply(self, x: Coordinate, y: Coordinate) -> tuple[Coordinate, Coordinate]:
         """Transforms point (``x``, ``y``) [m], or arrays of them, from this pose's frame to the parent frame."""

@@ -74,8 +74,18 @@ class Progress:
         if math.isinf(self.least):
             return replace(self, since=now, least=remaining, ends=now + limits.total(remaining))
         state = replace(self, longest=max(self.longest, remaining))
-        if state.stalls(now, limits) and state.changed > state.since and state.resets < limits.resets:
-            state = replace(state, since=state.changed, least=state.longest, resets=state.resets + 1, recoveries=0)
+        if (
+            state.stalls(now, limits)
+            and state.changed > state.since
+            and state.resets < limits.resets
+        ):
+            state = replace(
+                state,
+                since=state.changed,
+                least=state.longest,
+                resets=state.resets + 1,
+                recoveries=0,
+            )
         if remaining <= state.least - limits.distance:
             return replace(state, since=now, least=remaining, recoveries=0)
         return state
@@ -84,7 +94,9 @@ class Progress:
         """Returns whether it is time for the next recovery behaviour, or to give up after the last one."""
         if limits.timeout <= 0.0 or math.isinf(self.least):
             return False
-        return now - self.since > limits.timeout + limits.patience * min(self.recoveries, limits.recoveries)
+        return now - self.since > limits.timeout + limits.patience * min(
+            self.recoveries, limits.recoveries
+        )
 
     def is_hopeless(self, now: float, limits: ProgressLimits) -> bool:
         """Returns whether even a robot that runs all recovery behaviours would have given up by now."""

@@ -69,10 +69,15 @@ class PushingWatch:
         """Clears the history, for example after a manoeuvre."""
         self._since, self._before, self._slips = None, None, 0
 
-    def note_motion(self, command: Velocity | None, measured: Velocity, pose: Pose, now: float) -> None:
+    def note_motion(
+        self, command: Velocity | None, measured: Velocity, pose: Pose, now: float
+    ) -> None:
         """Records the last command, and the velocity and pose measured by odometry, which may have no velocity."""
         stands = abs(measured.x) < _STANDING and abs(measured.turn) < _STANDING
-        moved = pose.distance(self._place) > _MOVED or abs(angle_difference(pose.yaw, self._place.yaw)) > _TURNED
+        moved = (
+            pose.distance(self._place) > _MOVED
+            or abs(angle_difference(pose.yaw, self._place.yaw)) > _TURNED
+        )
         if command is None or abs(command.x) < _COMMANDED or not stands:
             self._since = None
         elif self._since is None or moved:

@@ -78,7 +78,12 @@ def way_blocked(place: Place, robots: Mapping[str, Pose]) -> Reason:
     """Returns the reason for a way that is blocked at ``place``; ``robots`` are the other robots' poses by name."""
     robot = _robot_at(place, robots)
     what = robot or "something that the map does not show"
-    return Reason(Code.WAY_BLOCKED, f"the way is blocked near ({place[0]:.1f}, {place[1]:.1f}) by {what}", place, robot)
+    return Reason(
+        Code.WAY_BLOCKED,
+        f"the way is blocked near ({place[0]:.1f}, {place[1]:.1f}) by {what}",
+        place,
+        robot,
+    )
 
 
 def goal_reason(costmap: Costmap, goal: Pose, robots: Mapping[str, Pose]) -> Reason | None:

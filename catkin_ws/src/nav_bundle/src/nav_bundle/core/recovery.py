@@ -92,7 +92,9 @@ class ClearCostmapRecovery:
         if config.invert_area_to_clear:
             raise ParameterError(f"~{name}/invert_area_to_clear true is not available")
         if config.affected_maps not in ("local", "global", "both"):
-            raise ParameterError(f"~{name}/affected_maps must be local, global or both, not {config.affected_maps!r}")
+            raise ParameterError(
+                f"~{name}/affected_maps must be local, global or both, not {config.affected_maps!r}"
+            )
 
     def start(self) -> None:
         """Does nothing."""
@@ -153,10 +155,17 @@ class RotateRecovery:
             self.complaint = f"Rotate recovery ended: the robot has not turned round in {self._movement.limit:.0f} s."
             return None
         if not self._is_free(around, left):
-            self.complaint = "Rotate recovery can't rotate in place because there is a potential collision."
+            self.complaint = (
+                "Rotate recovery can't rotate in place because there is a potential collision."
+            )
             return None
         speed = math.sqrt(2.0 * self._config.acc_lim_th * left)
-        return Velocity(turn=min(max(speed, self._config.min_in_place_rotational_vel), self._config.max_rotational_vel))
+        return Velocity(
+            turn=min(
+                max(speed, self._config.min_in_place_rotational_vel),
+                self._config.max_rotational_vel,
+            )
+        )
 
     def _left(self, yaw: float) -> float:
         """Returns the remaining angle [rad]."""
@@ -201,18 +210,26 @@ class BackUp:
         pose = around.local_pose
         self._from = self._from or pose
         behind = Pose(*pose.apply(-_LOOK_BACK, 0.0), pose.yaw)
-        self._away = self._away or pose.distance(self._from) > _BACK or around.local_costmap.footprint_cost(behind) < 0
+        self._away = (
+            self._away
+            or pose.distance(self._from) > _BACK
+            or around.local_costmap.footprint_cost(behind) < 0
+        )
         if not self._away and self._movement.is_overdue(around.now):
             self._away = True
             self._failure = f"The robot has not backed up in {self._movement.limit:.0f} s."
         if not self._away:
             return Velocity(_BACKWARDS)
         velocity = self._following.step(around)
-        self.complaint = " ".join(text for text in (self._failure, self._following.complaint) if text)
+        self.complaint = " ".join(
+            text for text in (self._failure, self._following.complaint) if text
+        )
         return velocity
 
 
-def recoveries_from_parameters(parameters: Mapping[str, Any], circumscribed_radius: float) -> list[Recovery]:
+def recoveries_from_parameters(
+    parameters: Mapping[str, Any], circumscribed_radius: float
+) -> list[Recovery]:
     """Returns move_base's behaviours in order: those of ``recovery_behaviors``, else Noetic's four defaults.
 
     Raises:
@@ -220,15 +237,23 @@ def recoveries_from_parameters(parameters: Mapping[str, Any], circumscribed_radi
     """
     listed = parameters.get("recovery_behaviors")
     if listed and not isinstance(listed, (list, tuple)):
-        raise ParameterError(f"~recovery_behaviors must be a list of {{name, type}}, not {listed!r}")
+        raise ParameterError(
+            f"~recovery_behaviors must be a list of {{name, type}}, not {listed!r}"
+        )
     if listed:
         return [_recovery(parameters, entry, 3.0) for entry in listed]
     clear, rotate = "clear_costmap_recovery/ClearCostmapRecovery", "rotate_recovery/RotateRecovery"
-    conservative = value_as(float, parameters.get("conservative_reset_dist", 3.0), "~conservative_reset_dist")
-    behaviours = [_recovery(parameters, {"name": "conservative_reset", "type": clear}, conservative)]
+    conservative = value_as(
+        float, parameters.get("conservative_reset_dist", 3.0), "~conservative_reset_dist"
+    )
+    behaviours = [
+        _recovery(parameters, {"name": "conservative_reset", "type": clear}, conservative)
+    ]
     turn = [_recovery(parameters, {"name": "rotate_recovery", "type": rotate}, 0.0)]
     turns = turn if parameters.get("clearing_rotation_allowed", True) else []
-    aggressive = _recovery(parameters, {"name": "aggressive_reset", "type": clear}, 4.0 * circumscribed_radius)
+    aggressive = _recovery(
+        parameters, {"name": "aggressive_reset", "type": clear}, 4.0 * circumscribed_radius
+    )
     return [*behaviours, *turns, aggressive, *turns]
 
 
@@ -236,14 +261,21 @@ def _recovery(parameters: Mapping[str, Any], entry: Any, reset_distance: float) 
     try:
         name, kind = str(entry["name"]), str(entry["type"]).split("/")[-1]
     except (KeyError, TypeError):
-        raise ParameterError(f"~recovery_behaviors needs entries of {{name, type}}, not {entry!r}") from None
+        raise ParameterError(
+            f"~recovery_behaviors needs entries of {{name, type}}, not {entry!r}"
+        ) from None
     if kind not in _MAKERS:
-        raise ParameterError(f"~recovery_behaviors: no such type {entry['type']!r}; there are {', '.join(_MAKERS)}")
+        raise ParameterError(
+            f"~recovery_behaviors: no such type {entry['type']!r}; there are {', '.join(_MAKERS)}"
+        )
     return _MAKERS[kind](parameters, name, reset_distance)
 
 
 def _clear(parameters: Mapping[str, Any], name: str, reset_distance: float) -> Recovery:
-    own = {"reset_distance": reset_distance, **namespace_in(parameters, name, "~recovery_behaviors")}
+    own = {
+        "reset_distance": reset_distance,
+        **namespace_in(parameters, name, "~recovery_behaviors"),
+    }
     return ClearCostmapRecovery(name, config_from_mapping(ClearConfig, own, f"~{name}"))
 
 

@@ -31,7 +31,9 @@ class Scored:
 class Rollout:
     """Scores velocity samples for one cycle from costmap, distances to plan and goal, and the robot's motion."""
 
-    def __init__(self, acc: Velocity, horizon: Horizon, scales: Scales, clearance: Clearance) -> None:
+    def __init__(
+        self, acc: Velocity, horizon: Horizon, scales: Scales, clearance: Clearance
+    ) -> None:
         self._acc = np.array([acc.x, acc.y, acc.turn], np.float64)
         self.horizon, self._scales, self._clearance = horizon, scales, clearance
         self._headings = scales.heading > 0.0
@@ -60,7 +62,11 @@ class Rollout:
         )
         steps = self._to_plan, self._to_goal
         clearance = self._clearance
-        prices = clearance.prices(costmap), clearance.allowed(situation, plan), clearance.ends(costmap.footprint)
+        prices = (
+            clearance.prices(costmap),
+            clearance.allowed(situation, plan),
+            clearance.ends(costmap.footprint),
+        )
         self._ground = Ground(costmap.cells, place, *steps, costmap.footprint.vertices, *prices)
         self._floor = Floor(costmap.cells, place, costmap.footprint.outline(pose))
         points = np.ascontiguousarray(plan[:, :2])
@@ -75,7 +81,11 @@ class Rollout:
     def all_of(self, samples: NDArray[np.float64], limit: float = math.inf) -> list[Scored]:
         """Returns all valid ``samples`` (n, 3) that cost at most ``limit``, in their order."""
         _, results = self._search(samples, True, True, limit=limit)
-        return [_scored(sample, result) for sample, result in zip(samples, results, strict=True) if result[_COST] >= 0]
+        return [
+            _scored(sample, result)
+            for sample, result in zip(samples, results, strict=True)
+            if result[_COST] >= 0
+        ]
 
     def is_free(self, velocity: Velocity, time: float = math.inf) -> bool:
         """Returns whether ``velocity`` is collision-free for ``time`` [s], at most the horizon."""
@@ -83,7 +93,12 @@ class Rollout:
         return self._search(sample, False, True, time)[0] >= 0
 
     def _search(
-        self, samples: NDArray[np.float64], reach: bool, every: bool, time: float = math.inf, limit: float = math.inf
+        self,
+        samples: NDArray[np.float64],
+        reach: bool,
+        every: bool,
+        time: float = math.inf,
+        limit: float = math.inf,
     ) -> tuple[int, NDArray[np.float64]]:
         results = np.empty((len(samples), 5))
         ahead = self._ahead if reach else _NO_PLAN
@@ -110,12 +125,20 @@ class Rollout:
         if not self._to_plan.size:
             return np.empty((0, 6))
         place, cells, scales = self._costmap.geometry, self._costmap.cells, self._scales
-        at = np.nonzero((cells < INSCRIBED) & (self._to_plan < cells.size) & (self._to_goal < cells.size))
-        parts = np.stack([self._to_plan[at], self._to_goal[at], cells[at]], axis=1).astype(np.float64)
-        middles = (
-            np.stack(at[::-1], axis=1) * place.resolution + (place.origin_x, place.origin_y) + place.resolution / 2
+        at = np.nonzero(
+            (cells < INSCRIBED) & (self._to_plan < cells.size) & (self._to_goal < cells.size)
         )
-        return np.column_stack([middles, parts, parts @ (scales.plan, scales.goal, scales.obstacle)])
+        parts = np.stack([self._to_plan[at], self._to_goal[at], cells[at]], axis=1).astype(
+            np.float64
+        )
+        middles = (
+            np.stack(at[::-1], axis=1) * place.resolution
+            + (place.origin_x, place.origin_y)
+            + place.resolution / 2
+        )
+        return np.column_stack(
+            [middles, parts, parts @ (scales.plan, scales.goal, scales.obstacle)]
+        )
 
     def goal_distance(self, x: float, y: float) -> int | None:
         """Returns the steps from the cell at ``x, y`` [m] to the local goal; None outside the costmap."""

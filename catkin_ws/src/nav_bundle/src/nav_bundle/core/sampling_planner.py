@@ -7,7 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nav_bundle.core.dwa_config import DwaConfig
-from nav_bundle.core.local_planner import STANDSTILL, Decision, LocalPlannerError, Route, Situation, Velocity
+from nav_bundle.core.local_planner import (
+    STANDSTILL,
+    Decision,
+    LocalPlannerError,
+    Route,
+    Situation,
+    Velocity,
+)
 from nav_bundle.core.planner import Path
 from nav_bundle.core.pose import Pose, angle_difference
 from nav_bundle.core.rollout import Rollout
@@ -80,7 +87,9 @@ class SamplingPlanner(Generic[Config]):
         """Starts a cycle with the plan's part ``ahead``; returns whether it crosses the local costmap."""
         return self._rollout.begin(situation, ahead)
 
-    def _best(self, situation: Situation, ahead: NDArray[np.float64]) -> tuple[Velocity, float] | None:
+    def _best(
+        self, situation: Situation, ahead: NDArray[np.float64]
+    ) -> tuple[Velocity, float] | None:
         """Returns the best velocity and how long [s] it is known to be collision-free (inf: the whole horizon)."""
         raise NotImplementedError
 
@@ -103,7 +112,10 @@ class SamplingPlanner(Generic[Config]):
         if abs(difference) <= self.config.yaw_goal_tolerance:
             self._latched = self._rotating = False
             return Decision(STANDSTILL, True)
-        stopped = math.hypot(velocity.x, velocity.y) <= self._still[0] and abs(velocity.turn) <= self._still[1]
+        stopped = (
+            math.hypot(velocity.x, velocity.y) <= self._still[0]
+            and abs(velocity.turn) <= self._still[1]
+        )
         if not (self._rotating or stopped):
             slowed = self._slowed(velocity)
             return Decision(slowed if self._rollout.is_free(slowed) else STANDSTILL)

@@ -92,7 +92,9 @@ def _directions(count: int, first_angle: float, angle_step: float) -> NDArray[np
 def placement(grid: Grid) -> NDArray[np.float64]:
     """Returns the origin and resolution of ``grid`` in the kernels' format."""
     yaw = grid.origin.yaw
-    return np.array([grid.origin.x, grid.origin.y, math.cos(yaw), math.sin(yaw), 1.0 / grid.resolution])
+    return np.array(
+        [grid.origin.x, grid.origin.y, math.cos(yaw), math.sin(yaw), 1.0 / grid.resolution]
+    )
 
 
 class DistanceField:
@@ -100,10 +102,14 @@ class DistanceField:
 
     def __init__(self, grid: Grid, reach: float) -> None:
         self.resolution = grid.resolution  #: cell size [m]
-        self.cap = max(1, min(LONGEST_FIELD, math.ceil(reach / grid.resolution)))  #: maximum distance [cells]
+        self.cap = max(
+            1, min(LONGEST_FIELD, math.ceil(reach / grid.resolution))
+        )  #: maximum distance [cells]
         #: squared distances [cells²] between cell centres, shape (rows, cols), at most the square of ``cap``
         self.cells = kernel.Field(np.empty(grid.cells.shape, np.uint16), placement(grid))
-        kernel.distance_field(np.ascontiguousarray(grid.cells), OCCUPIED, self.cap, self.cells.squares)
+        kernel.distance_field(
+            np.ascontiguousarray(grid.cells), OCCUPIED, self.cap, self.cells.squares
+        )
 
 
 class LikelihoodField:
@@ -116,7 +122,9 @@ class LikelihoodField:
 
     def __init__(self, config: AmclConfig, grid: Grid) -> None:
         self._config = config
-        self.field = DistanceField(grid, config.laser_likelihood_max_dist)  #: distances to the nearest obstacle
+        self.field = DistanceField(
+            grid, config.laser_likelihood_max_dist
+        )  #: distances to the nearest obstacle
         distances = np.sqrt(np.arange(self.field.cap**2 + 1)) * grid.resolution
         distances = np.minimum(distances, config.laser_likelihood_max_dist)
         self._hit = config.laser_z_hit * np.exp(-(distances**2) / (2.0 * config.laser_sigma_hit**2))
@@ -163,10 +171,15 @@ class LikelihoodFieldProduct(LikelihoodField):
         self._add(particles, points, np.log(self._beam_likelihoods(beams)), result)
         return np.exp(result)
 
-    def _agreed(self, particles: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _agreed(
+        self, particles: NDArray[np.float64], points: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Drops beams that few particles can explain (such as people nearby), unless that would drop nearly all."""
         config = self._config
-        kept = self._agreement(particles, points, config.beam_skip_distance) > config.beam_skip_threshold
+        kept = (
+            self._agreement(particles, points, config.beam_skip_distance)
+            > config.beam_skip_threshold
+        )
         if np.count_nonzero(~kept) >= len(points) * config.beam_skip_error_threshold:
             return points
         return points[kept]
@@ -194,12 +207,22 @@ class BeamModel:
         expected = np.empty((len(particles), len(beams.ranges)))
         laser = np.array([beams.laser.x, beams.laser.y, beams.laser.yaw])
         kernel.expected_ranges(
-            particles, laser, beams.bearings, self._cells, self._placement, beams.range_max, expected
+            particles,
+            laser,
+            beams.bearings,
+            self._cells,
+            self._placement,
+            beams.range_max,
+            expected,
         )
         excess = beams.ranges - expected
         nothing = beams.ranges >= beams.range_max
         result = config.laser_z_hit * np.exp(-(excess**2) / (2.0 * config.laser_sigma_hit**2))
-        short = config.laser_z_short * config.laser_lambda_short * np.exp(-config.laser_lambda_short * beams.ranges)
+        short = (
+            config.laser_z_short
+            * config.laser_lambda_short
+            * np.exp(-config.laser_lambda_short * beams.ranges)
+        )
         result += np.where(excess < 0.0, short, 0.0)
         result += np.where(nothing, config.laser_z_max, config.laser_z_rand / beams.range_max)
         return 1.0 + (result**3).sum(axis=1)

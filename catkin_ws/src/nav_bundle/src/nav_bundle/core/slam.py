@@ -50,7 +50,9 @@ class Slam:
         #: resamplings: number of resamplings so far
         #: unmatched: number of particles whose last scan match did not exceed ``minimumScore``
         self.unmatched = self.resamplings = 0
-        self.maps = TileMaps(config.particles, config.xmin, config.ymin, config.delta)  #: one for each particle
+        self.maps = TileMaps(
+            config.particles, config.xmin, config.ymin, config.delta
+        )  #: one for each particle
         self._odom: Pose | None = None
         #: the odometry frame's pose in the map, from the best particle at the last used scan; None before the first
         self.map_from_odom: Pose | None = None
@@ -106,7 +108,9 @@ class Slam:
             return False
         self._distance, self._turn, self._stamp = 0.0, 0.0, stamp
         beams = self._beams(scan)
-        if not self.maps.fits(self.poses, float(beams.beams[:, 2].max(initial=0.0)) * self._config.delta):
+        if not self.maps.fits(
+            self.poses, float(beams.beams[:, 2].max(initial=0.0)) * self._config.delta
+        ):
             raise ObservationError("the robot is too far from its map: has its odometry jumped?")
         if not first:
             self._match(beams)
@@ -156,7 +160,9 @@ class Slam:
         lengths = np.minimum(ranges[valid], usable)
         beams = np.stack([np.cos(bearings), np.sin(bearings), lengths / config.delta], axis=1)
         hits = ranges[valid] < usable
-        return _Beams(beams, hits.astype(np.uint8), np.ascontiguousarray(beams[hits][:: config.lskip + 1]))
+        return _Beams(
+            beams, hits.astype(np.uint8), np.ascontiguousarray(beams[hits][:: config.lskip + 1])
+        )
 
     def _match(self, beams: _Beams) -> None:
         config = self._config

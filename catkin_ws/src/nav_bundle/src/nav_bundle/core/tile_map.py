@@ -43,8 +43,13 @@ class TileMaps:
         self._corner, self._delta = (x, y), delta
         #: tile numbers, int32, shape (count, tile rows, tile columns)
         self.directories = np.empty((count, 0, 0), np.int32)
-        self._first = (0, 0)  # tile row and column of the directories' first tile, counted from cell (0, 0)
-        self.pool = np.zeros((_FIRST, TILE * TILE, 4), np.uint16)  #: the tiles, in the format of kernels/slam.py
+        self._first = (
+            0,
+            0,
+        )  # tile row and column of the directories' first tile, counted from cell (0, 0)
+        self.pool = np.zeros(
+            (_FIRST, TILE * TILE, 4), np.uint16
+        )  #: the tiles, in the format of kernels/slam.py
         self._users = np.zeros(_FIRST, np.int32)
         self._spare = self._unused()
 
@@ -56,7 +61,9 @@ class TileMaps:
     def _placement(self) -> NDArray[np.float64]:
         row, col = self._first
         side = TILE * self._delta
-        return np.array([self._corner[0] + col * side, self._corner[1] + row * side, 1.0 / self._delta])
+        return np.array(
+            [self._corner[0] + col * side, self._corner[1] + row * side, 1.0 / self._delta]
+        )
 
     @property
     def tiles(self) -> int:
@@ -78,7 +85,11 @@ class TileMaps:
         return bool(widest and farthest)
 
     def register(
-        self, index: int, pose: NDArray[np.float64], beams: NDArray[np.float64], hits: NDArray[np.uint8]
+        self,
+        index: int,
+        pose: NDArray[np.float64],
+        beams: NDArray[np.float64],
+        hits: NDArray[np.uint8],
     ) -> None:
         """Adds a scan to map ``index``.
 
@@ -89,7 +100,9 @@ class TileMaps:
             hits: 0 for beams that end in free space, shape (m,).
         """
         reach = float(beams[:, 2].max(initial=0.0)) * self._delta
-        self._reserve(self._cover(pose[0] - reach, pose[1] - reach, pose[0] + reach, pose[1] + reach))
+        self._reserve(
+            self._cover(pose[0] - reach, pose[1] - reach, pose[0] + reach, pose[1] + reach)
+        )
         tiles = kernel.Tiles(self.pool, self._users, self._spare)
         kernel.register(pose, beams, hits, self._placement(), self.directories[index], tiles)
 
@@ -108,11 +121,17 @@ class TileMaps:
         rows = math.ceil((y - self._corner[1]) / self._delta - 1e-9)
         cols = math.ceil((x - self._corner[0]) / self._delta - 1e-9)
         directory = np.ascontiguousarray(self.directories[index])
-        (low, top), (left, right) = (self._extent(directory, axis, most) for axis, most in ((0, rows), (1, cols)))
+        (low, top), (left, right) = (
+            self._extent(directory, axis, most) for axis, most in ((0, rows), (1, cols))
+        )
         cells = np.full((top - low, right - left), UNKNOWN, np.int8)
         row, col = self._first[0] * TILE - low, self._first[1] * TILE - left
         kernel.draw(directory, self.pool, threshold, row, col, cells)
-        return Grid(self._delta, Pose(self._corner[0] + left * self._delta, self._corner[1] + low * self._delta), cells)
+        return Grid(
+            self._delta,
+            Pose(self._corner[0] + left * self._delta, self._corner[1] + low * self._delta),
+            cells,
+        )
 
     def _extent(self, directory: NDArray[np.int32], axis: int, most: int) -> tuple[int, int]:
         """Returns the first and end row (axis 0) or column (axis 1) that contain 0 … ``most`` and all used tiles."""

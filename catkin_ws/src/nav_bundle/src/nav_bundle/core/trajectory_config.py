@@ -78,7 +78,9 @@ class TrajectoryConfig:
     global_frame_id: str = ""
 
 
-def trajectory_config_from_parameters(parameters: Mapping[str, Any], owner: str, frequency: float) -> TrajectoryConfig:
+def trajectory_config_from_parameters(
+    parameters: Mapping[str, Any], owner: str, frequency: float
+) -> TrajectoryConfig:
     """Returns the configuration in namespace ``owner``; ``frequency`` [Hz] is the default ``controller_frequency``.
 
     Raises:
@@ -90,7 +92,11 @@ def trajectory_config_from_parameters(parameters: Mapping[str, Any], owner: str,
     if "sim_granularity" in values:
         values.setdefault("angular_sim_granularity", values["sim_granularity"])
     values.setdefault("controller_frequency", frequency)
-    config = with_samples(config_from_mapping(TrajectoryConfig, values, owner), ("vx_samples", "vtheta_samples"), owner)
+    config = with_samples(
+        config_from_mapping(TrajectoryConfig, values, owner),
+        ("vx_samples", "vtheta_samples"),
+        owner,
+    )
     _check(config, owner)
     return config
 
@@ -109,12 +115,22 @@ def _check(config: TrajectoryConfig, owner: str) -> None:
     for name in ("holonomic_robot", "simple_attractor"):
         if getattr(config, name):
             raise ParameterError(f"{owner}: ~{name} true is not available")
-    for name in ("sim_time", "sim_granularity", "angular_sim_granularity", "controller_frequency", "acc_lim_x"):
+    for name in (
+        "sim_time",
+        "sim_granularity",
+        "angular_sim_granularity",
+        "controller_frequency",
+        "acc_lim_x",
+    ):
         if not getattr(config, name) > 0.0:
             raise ParameterError(f"{owner}: ~{name} must be positive, not {getattr(config, name)}")
     for axis in ("x", "theta"):
         low, high = getattr(config, f"min_vel_{axis}"), getattr(config, f"max_vel_{axis}")
         if low > high:
-            raise ParameterError(f"{owner}: ~min_vel_{axis} must be at most ~max_vel_{axis} ({low} > {high})")
+            raise ParameterError(
+                f"{owner}: ~min_vel_{axis} must be at most ~max_vel_{axis} ({low} > {high})"
+            )
     if config.escape_vel > 0.0:
-        UNKNOWN.correct(f"{owner}: ~escape_vel is {config.escape_vel}: it leads forward instead of backward")
+        UNKNOWN.correct(
+            f"{owner}: ~escape_vel is {config.escape_vel}: it leads forward instead of backward"
+        )

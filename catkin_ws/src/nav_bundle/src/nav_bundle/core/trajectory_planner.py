@@ -89,7 +89,10 @@ class TrajectoryPlanner(SamplingPlanner[TrajectoryConfig]):
         rollout = Rollout(
             Velocity(config.acc_lim_x, config.acc_lim_y, config.acc_lim_theta),
             Horizon(
-                config.sim_time, config.sim_granularity, config.angular_sim_granularity, config.heading_scoring_timestep
+                config.sim_time,
+                config.sim_granularity,
+                config.angular_sim_granularity,
+                config.heading_scoring_timestep,
             ),
             Scales(
                 config.path_distance_bias * unit,
@@ -100,7 +103,9 @@ class TrajectoryPlanner(SamplingPlanner[TrajectoryConfig]):
             Clearance(config.clearance, config.clearance_scale * unit / resolution),
         )
         still = config.trans_stopped_velocity, config.rot_stopped_velocity
-        super().__init__(config, rollout, config.min_in_place_vel_theta, -config.min_vel_theta, still)
+        super().__init__(
+            config, rollout, config.min_in_place_vel_theta, -config.min_vel_theta, still
+        )
         self._is_short_sighted = config.max_vel_x * config.sim_time < _SHORT_REACH
         self._escape_distance = config.escape_reset_dist
 
@@ -110,9 +115,13 @@ class TrajectoryPlanner(SamplingPlanner[TrajectoryConfig]):
         self._escape_from: Pose | None = None
         self._dead_end: Pose | None = None
 
-    def _best(self, situation: Situation, ahead: NDArray[np.float64]) -> tuple[Velocity, float] | None:
+    def _best(
+        self, situation: Situation, ahead: NDArray[np.float64]
+    ) -> tuple[Velocity, float] | None:
         if not self._is_escaping(situation.pose):
-            goal_distance = math.hypot(ahead[-1, 0] - situation.pose.x, ahead[-1, 1] - situation.pose.y)
+            goal_distance = math.hypot(
+                ahead[-1, 0] - situation.pose.x, ahead[-1, 1] - situation.pose.y
+            )
             fastest = min(goal_distance / self.config.sim_time, situation.fastest)
             samples = self._forward_samples(situation.velocity, fastest)
             forward: Scored | None = self._rollout.cheapest(samples)
@@ -127,7 +136,9 @@ class TrajectoryPlanner(SamplingPlanner[TrajectoryConfig]):
             else:
                 chosen = self._turn_in_place(situation, forward)
             if chosen is not None:
-                self._turning.note(chosen.velocity, situation.pose, self.config.oscillation_reset_dist)
+                self._turning.note(
+                    chosen.velocity, situation.pose, self.config.oscillation_reset_dist
+                )
                 return chosen.velocity, math.inf
         return self._escape(situation.pose)
 
@@ -165,21 +176,34 @@ class TrajectoryPlanner(SamplingPlanner[TrajectoryConfig]):
         """
         _, _, right, left = self._range(situation.velocity)
         step = (left - right) / max(self.config.vtheta_samples - 1, 1)
-        turns = [turn for turn in np.linspace(right, left, self.config.vtheta_samples) if abs(turn) > step]
+        turns = [
+            turn
+            for turn in np.linspace(right, left, self.config.vtheta_samples)
+            if abs(turn) > step
+        ]
         samples = np.zeros((len(turns), 3))
-        samples[:, 2] = [math.copysign(max(abs(turn), self.config.min_in_place_vel_theta), turn) for turn in turns]
+        samples[:, 2] = [
+            math.copysign(max(abs(turn), self.config.min_in_place_vel_theta), turn)
+            for turn in turns
+        ]
         chosen, nearest = best, math.inf
         for turned in self._rollout.all_of(samples, math.inf if best is None else best.cost):
             ahead = self._distance_ahead(turned.end)
             if ahead < nearest and not self._is_swaying(turned.velocity.turn):
                 chosen, nearest = turned, ahead
-        if self._is_short_sighted and best is not None and nearest >= self._distance_ahead(situation.pose):
+        if (
+            self._is_short_sighted
+            and best is not None
+            and nearest >= self._distance_ahead(situation.pose)
+        ):
             return best
         return chosen
 
     def _onward(self, samples: NDArray[np.float64], pose: Pose) -> Scored | None:
         """Returns the cheapest sample that makes progress, even if standing is cheaper; None if there is none."""
-        onward = [scored for scored in self._rollout.all_of(samples) if self._leads_on(scored, pose)]
+        onward = [
+            scored for scored in self._rollout.all_of(samples) if self._leads_on(scored, pose)
+        ]
         return min(onward, key=lambda scored: scored.cost) if onward else None
 
     def _leads_on(self, scored: Scored, pose: Pose) -> bool:
@@ -229,7 +253,9 @@ class TrajectoryPlanner(SamplingPlanner[TrajectoryConfig]):
         if self._escape_from is None:
             # Beside a wall, backing up by the same distance again would only lead back to this dead end.
             again = self._dead_end is not None and pose.distance(self._dead_end) < _DEAD_END_RADIUS
-            longer = min(2.0 * self._escape_distance, max(_LONGEST_ESCAPE, self.config.escape_reset_dist))
+            longer = min(
+                2.0 * self._escape_distance, max(_LONGEST_ESCAPE, self.config.escape_reset_dist)
+            )
             self._escape_distance = longer if again else self.config.escape_reset_dist
             self._escape_from = self._dead_end = pose
         return back

@@ -44,7 +44,9 @@ class Transform:
         """Returns a_from_c, given this transform as a_from_b and ``other`` as b_from_c."""
         x, y, z = rotated(self.rotation, other.translation)
         tx, ty, tz = self.translation
-        return Transform((tx + x, ty + y, tz + z), quaternion_product(self.rotation, other.rotation))
+        return Transform(
+            (tx + x, ty + y, tz + z), quaternion_product(self.rotation, other.rotation)
+        )
 
     def inverse(self) -> "Transform":
         """Returns source_from_target."""
@@ -66,7 +68,10 @@ class Transform:
 
     def matrix(self) -> NDArray[np.float64]:
         """Returns the rotation matrix, shape (3, 3)."""
-        columns = (rotated(self.rotation, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+        columns = (
+            rotated(self.rotation, axis)
+            for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        )
         return np.array(list(columns)).T
 
     def apply(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -83,7 +88,9 @@ def fault_of(parent: str, child: str, transform: Transform) -> str:
     if parent == child:
         return "a frame cannot be its own parent"
     if not all(map(math.isfinite, (*transform.translation, *transform.rotation))):
-        return f"its numbers must be finite, they are {transform.translation} and {transform.rotation}"
+        return (
+            f"its numbers must be finite, they are {transform.translation} and {transform.rotation}"
+        )
     if any(abs(value) > LARGEST for value in transform.translation):
         return f"its coordinates must be within ±{LARGEST:g} m, they are {transform.translation}"
     if abs(sum(value * value for value in transform.rotation) - 1.0) > _UNIT_TOLERANCE:
@@ -115,7 +122,11 @@ def rotated(rotation: Quaternion, vector: Vector) -> Vector:
     x, y, z, w = rotation
     vx, vy, vz = vector
     cx, cy, cz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
-    return (vx + w * cx + y * cz - z * cy, vy + w * cy + z * cx - x * cz, vz + w * cz + x * cy - y * cx)
+    return (
+        vx + w * cx + y * cz - z * cy,
+        vy + w * cy + z * cx - x * cz,
+        vz + w * cz + x * cy - y * cx,
+    )
 
 
 def interpolated(first: Transform, second: Transform, fraction: float) -> Transform:
@@ -183,7 +194,9 @@ class Edge:
         if self._stamps[after] == stamp:
             return self._transforms[after]
         before, end = self._stamps[after - 1], self._stamps[after]
-        return interpolated(self._transforms[after - 1], self._transforms[after], (stamp - before) / (end - before))
+        return interpolated(
+            self._transforms[after - 1], self._transforms[after], (stamp - before) / (end - before)
+        )
 
 
 class TransformTree:
@@ -201,7 +214,9 @@ class TransformTree:
         """Drops all transforms that are not static; call it when time jumps back."""
         self._edges = {child: edge for child, edge in self._edges.items() if edge.static}
 
-    def insert(self, parent: str, child: str, stamp: float, transform: Transform, static: bool = False) -> bool:
+    def insert(
+        self, parent: str, child: str, stamp: float, transform: Transform, static: bool = False
+    ) -> bool:
         """Adds parent_from_child at ``stamp`` [s]; returns whether the structure of the tree changed.
 
         A child with a new parent is detached from the old one, and its history is dropped.
@@ -255,7 +270,9 @@ class TransformTree:
         """
         below_target, below_source = self.path(target, source)
         if stamp is None:
-            stamp = min((self._edges[child].newest for child in below_target + below_source), default=0.0)
+            stamp = min(
+                (self._edges[child].newest for child in below_target + below_source), default=0.0
+            )
         to_common = self._climb(below_source, stamp)
         if not below_target:
             return to_common
@@ -268,7 +285,9 @@ class TransformTree:
             DisconnectedError: the frames are not connected.
         """
         below_target, below_source = self.path(target, source)
-        return min((self._edges[child].newest for child in below_target + below_source), default=math.inf)
+        return min(
+            (self._edges[child].newest for child in below_target + below_source), default=math.inf
+        )
 
     def _climb(self, children: list[str], stamp: float) -> Transform:
         result = Transform()

@@ -64,7 +64,10 @@ def _gather(pose, points, field, sigma, matrix, vector):
         along = cosine * points[beam, 0] - sine * points[beam, 1]
         across = sine * points[beam, 0] + cosine * points[beam, 1]
         dx, dy = pose[0] + along - placement[0], pose[1] + across - placement[1]
-        x, y = (placement[2] * dx + placement[3] * dy) * scale, (placement[2] * dy - placement[3] * dx) * scale
+        x, y = (
+            (placement[2] * dx + placement[3] * dy) * scale,
+            (placement[2] * dy - placement[3] * dx) * scale,
+        )
         if not _distance(x, y, field.squares, sample):
             continue
         distance = sample[0] / scale

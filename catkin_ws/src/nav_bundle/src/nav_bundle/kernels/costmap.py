@@ -42,7 +42,9 @@ class Rays(NamedTuple):
 @njit
 def cell_at(place, x, y):
     """Returns the row and column of the cell that contains (x, y) [m]."""
-    return int(np.floor((y - place.y) / place.resolution)), int(np.floor((x - place.x) / place.resolution))
+    return int(np.floor((y - place.y) / place.resolution)), int(
+        np.floor((x - place.x) / place.resolution)
+    )
 
 
 @njit
@@ -103,7 +105,9 @@ def clear_rays(cells: Costs, place: Place, rays: Rays) -> None:
 
 
 @kernel
-def keep_points(cells: Costs, before: Costs, row_0: int, col_0: int, place: Place, rays: Rays) -> None:
+def keep_points(
+    cells: Costs, before: Costs, row_0: int, col_0: int, place: Place, rays: Rays
+) -> None:
     """Restores the lethal cells in which a point lies: rays to other points, or its own, have cleared them.
 
     ``before`` is a copy of the part of ``cells`` that starts at ``row_0, col_0``. Points count up to a cell's diagonal
@@ -116,7 +120,12 @@ def keep_points(cells: Costs, before: Costs, row_0: int, col_0: int, place: Plac
         if dx * dx + dy * dy > longest * longest:
             continue
         row, col = cell_at(place, rays.points[i, 0], rays.points[i, 1])
-        if row < row_0 or row >= row_0 + before.shape[0] or col < col_0 or col >= col_0 + before.shape[1]:
+        if (
+            row < row_0
+            or row >= row_0 + before.shape[0]
+            or col < col_0
+            or col >= col_0 + before.shape[1]
+        ):
             continue
         if before[row - row_0, col - col_0] == LETHAL:
             cells[row, col] = LETHAL
@@ -143,7 +152,11 @@ def polygon_covers(vertices, x, y):
     last = vertices.shape[0] - 1
     for i in range(vertices.shape[0]):
         if (vertices[i, 1] > y) != (vertices[last, 1] > y):
-            cross = (vertices[last, 0] - vertices[i, 0]) * (y - vertices[i, 1]) / (vertices[last, 1] - vertices[i, 1])
+            cross = (
+                (vertices[last, 0] - vertices[i, 0])
+                * (y - vertices[i, 1])
+                / (vertices[last, 1] - vertices[i, 1])
+            )
             if x < cross + vertices[i, 0]:
                 inside = not inside
         last = i
@@ -194,7 +207,9 @@ def merge_known(master: Costs, layer: Costs, window: Bounds) -> None:
 
 
 @kernel
-def changed_window(cells: Costs, before: Costs, row_0: int, col_0: int, window: Array1[np.int64]) -> None:
+def changed_window(
+    cells: Costs, before: Costs, row_0: int, col_0: int, window: Array1[np.int64]
+) -> None:
     """Extends ``window`` (row_0, row_1, col_0, col_1) to contain all cells that differ from ``before``.
 
     ``before`` is a copy of the part of ``cells`` that starts at ``row_0, col_0``.
@@ -260,7 +275,9 @@ def envelope(heights, radius, sites, starts):
 
 
 @kernel
-def inflate(cells: Costs, window: Bounds, radius: int, table: Array1[np.uint8], inflate_unknown: bool) -> None:
+def inflate(
+    cells: Costs, window: Bounds, radius: int, table: Array1[np.uint8], inflate_unknown: bool
+) -> None:
     """Inflates the lethal cells within the window, using exact distances.
 
     Args:

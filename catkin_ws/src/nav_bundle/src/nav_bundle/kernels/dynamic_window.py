@@ -49,7 +49,9 @@ class Nose(NamedTuple):
 def _looks(sample, horizon):
     """Returns the number of poses checked for a sample: one per granularity of distance or angle."""
     way = np.sqrt(sample[0] * sample[0] + sample[1] * sample[1]) * horizon.time
-    return max(1, int(np.ceil(max(way / horizon.way, abs(sample[2]) * horizon.time / horizon.turn))))
+    return max(
+        1, int(np.ceil(max(way / horizon.way, abs(sample[2]) * horizon.time / horizon.turn)))
+    )
 
 
 @njit
@@ -106,7 +108,9 @@ def score(
         starts[i, :] = motion.velocity if accelerating else sample
         steps[i] = _looks(sample, horizon)
         scored = result[X : X + 3]
-        nose_row, nose_col = _finish(ground, motion, starts[i], sample, horizon.time, steps[i], nose.length, scored)
+        nose_row, nose_col = _finish(
+            ground, motion, starts[i], sample, horizon.time, steps[i], nose.length, scored
+        )
         row, col = cell_at(ground.place, result[X], result[Y])
         if nose_row < 0 or row < 0 or row >= rows or col < 0 or col >= cols:
             result[COST] = HIT
@@ -121,11 +125,15 @@ def score(
                 + nose.front * nose.to_front[nose_row, nose_col]
                 + nose.twirling * abs(sample[2])
             )
-    return cheapest(ground, motion, starts, samples, horizon.time, steps, scales, True, every, limit, results)
+    return cheapest(
+        ground, motion, starts, samples, horizon.time, steps, scales, True, every, limit, results
+    )
 
 
 @kernel
-def trace(motion: Motion, sample: Vector, horizon: Horizon, accelerating: bool, poses: Array2[np.float64]) -> int:
+def trace(
+    motion: Motion, sample: Vector, horizon: Horizon, accelerating: bool, poses: Array2[np.float64]
+) -> int:
     """Writes the poses (x, y, yaw) of one sample into ``poses``; returns their number."""
     start = motion.velocity if accelerating else sample
     return follow(motion, start, sample, horizon.time, _looks(sample, horizon), poses)

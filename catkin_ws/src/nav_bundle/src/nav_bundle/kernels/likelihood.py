@@ -59,7 +59,10 @@ def distance_field(cells: Array2[np.int8], occupied: int, cap: int, out: Array2[
 def _squared_distance(pose, along, across, field):
     """Returns the squared distance [cells²] at a point [cells] in the frame of a pose ``_in_grid``; -1 off the grid."""
     x, y, cosine, sine = pose
-    col, row = math.floor(x + cosine * along - sine * across), math.floor(y + sine * along + cosine * across)
+    col, row = (
+        math.floor(x + cosine * along - sine * across),
+        math.floor(y + sine * along + cosine * across),
+    )
     if 0 <= row < field.shape[0] and 0 <= col < field.shape[1]:
         return np.int64(field[np.int64(row), np.int64(col)])
     return np.int64(-1)
@@ -72,7 +75,12 @@ def _in_grid(pose, placement):
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     x = (placement[2] * dx + placement[3] * dy) * placement[4]
     y = (placement[2] * dy - placement[3] * dx) * placement[4]
-    return x, y, placement[2] * cosine + placement[3] * sine, placement[2] * sine - placement[3] * cosine
+    return (
+        x,
+        y,
+        placement[2] * cosine + placement[3] * sine,
+        placement[2] * sine - placement[3] * cosine,
+    )
 
 
 @kernel
@@ -104,7 +112,11 @@ def add_likelihoods(
 
 @kernel
 def count_agreement(
-    poses: Array2[np.float64], points: Array2[np.float64], field: Field, nearest: int, counts: Array1[np.int64]
+    poses: Array2[np.float64],
+    points: Array2[np.float64],
+    field: Field,
+    nearest: int,
+    counts: Array1[np.int64],
 ) -> None:
     """Counts, for each beam, the particles that have an obstacle within ``nearest`` [cells²] of its end point."""
     for index in range(poses.shape[0]):
@@ -148,7 +160,9 @@ def expected_ranges(
         for beam in range(bearings.shape[0]):
             bx, by = math.cos(bearings[beam]), math.sin(bearings[beam])
             lx, ly = turn[0] * bx - turn[1] * by, turn[1] * bx + turn[0] * by
-            reach = _ray(eye_x, eye_y, cosine * lx - sine * ly, sine * lx + cosine * ly, cells, limit)
+            reach = _ray(
+                eye_x, eye_y, cosine * lx - sine * ly, sine * lx + cosine * ly, cells, limit
+            )
             out[index, beam] = reach / placement[4]
 
 

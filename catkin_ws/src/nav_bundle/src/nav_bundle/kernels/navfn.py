@@ -35,10 +35,14 @@ class Front(NamedTuple):
     potential: Array2[np.float32]  #: potentials of the cells, shape (rows, cols)
     waiting: Array2[np.uint8]  #: 1 for cells that wait in a buffer
     costs: Array2[np.uint8]  #: costs of the cells
-    weights: Array1[np.float32]  #: potential added by a cell of each cost, negative if blocked, shape (256,)
+    weights: Array1[
+        np.float32
+    ]  #: potential added by a cell of each cost, negative if blocked, shape (256,)
     queue: Array2[np.int32]  #: the buffers, shape (4, capacity)
     counts: Array1[np.int64]  #: number of cells in each buffer
-    limits: Array1[np.float64]  #: limit of final potentials, its step, bound of a guided wave, and its step
+    limits: Array1[
+        np.float64
+    ]  #: limit of final potentials, its step, bound of a guided wave, and its step
 
 
 @njit
@@ -85,7 +89,9 @@ def _wave(across, along, weight):
     if gap >= weight:
         return low + weight
     d = gap / weight
-    return low + weight * (np.float32(-0.2301) * d * d + np.float32(0.5307) * d + np.float32(0.7040))
+    return low + weight * (
+        np.float32(-0.2301) * d * d + np.float32(0.5307) * d + np.float32(0.7040)
+    )
 
 
 @kernel
@@ -134,7 +140,9 @@ def spread(front: Front, goal: Cell, guide: Array2[np.float32], budget: int) -> 
             if value >= field[cell]:
                 continue
             if guided:
-                row = np.int64((cell + 0.5) * per_col)  # integer division would be slower than the rest of this block
+                row = np.int64(
+                    (cell + 0.5) * per_col
+                )  # integer division would be slower than the rest of this block
                 col = cell - row * cols
                 if value + guide[(row >> BLOCK_BITS) + 1, (col >> BLOCK_BITS) + 1] > limits[BOUND]:
                     queue[BEYOND, counts[BEYOND]] = cell
@@ -165,7 +173,9 @@ def _block_weight(costs, table, first_row, first_col, rows, cols):
         for col in range(cols):
             entry = table[costs[first_row + row, first_col + col]]
             total += entry
-            least = min(least, np.uint32(entry - _ONE))  # blocked cells wrap around to more than any weight
+            least = min(
+                least, np.uint32(entry - _ONE)
+            )  # blocked cells wrap around to more than any weight
     if total < _ONE:
         return np.uint8(0)
     mean = np.float32(total & np.uint32(0xFFFF)) / np.float32(total >> np.uint32(16))
@@ -192,9 +202,13 @@ def coarsen(costs: Array2[np.uint8], weights: Array1[np.float32], coarse: Array2
         for block_col in range(coarse.shape[1] - 2):
             col = block_col << BLOCK_BITS
             if block_row < whole_rows and block_col < whole_cols:
-                weight = _block_weight(costs, table, row, col, BLOCK, BLOCK)  # fixed size, so that loops are unrolled
+                weight = _block_weight(
+                    costs, table, row, col, BLOCK, BLOCK
+                )  # fixed size, so that loops are unrolled
             else:
-                weight = _block_weight(costs, table, row, col, min(BLOCK, rows - row), min(BLOCK, cols - col))
+                weight = _block_weight(
+                    costs, table, row, col, min(BLOCK, rows - row), min(BLOCK, cols - col)
+                )
             if weight > 0:
                 coarse[block_row + 1, block_col + 1] = weight
 
@@ -273,7 +287,9 @@ def _all_reached(potential, row, col):
 
 
 @kernel
-def descend(potential: Array2[np.float32], path: Array2[np.float64], end: Cell, source: Cell) -> int:
+def descend(
+    potential: Array2[np.float32], path: Array2[np.float64], end: Cell, source: Cell
+) -> int:
     """Descends the gradient from ``end`` to ``source`` in steps of half a cell.
 
     Next to cells that were not reached, and where the interpolated slope does not lead down, it steps from cell to
@@ -319,7 +335,9 @@ def descend(potential: Array2[np.float32], path: Array2[np.float64], end: Cell, 
 
 
 @kernel
-def descend_cells(potential: Array2[np.float32], path: Array2[np.float64], end: Cell, source: Cell) -> int:
+def descend_cells(
+    potential: Array2[np.float32], path: Array2[np.float64], end: Cell, source: Cell
+) -> int:
     """Descends from ``end`` to ``source``, always to the lowest of the eight neighbours.
 
     Writes (row, col) [cells] into ``path``; returns the number of cells, 0 if it got stuck.
@@ -349,7 +367,9 @@ def nearest_reached(potential: Array2[np.float32], goal: Cell, tolerance: float)
     for r in range(max(row - reach, 0), min(row + reach + 1, rows)):
         for c in range(max(col - reach, 0), min(col + reach + 1, cols)):
             distance = float((r - row) * (r - row) + (c - col) * (c - col))
-            if potential[r, c] < FAR and (distance < best_distance or (best < 0 and distance <= best_distance)):
+            if potential[r, c] < FAR and (
+                distance < best_distance or (best < 0 and distance <= best_distance)
+            ):
                 best = r * cols + c
                 best_distance = distance
     return best

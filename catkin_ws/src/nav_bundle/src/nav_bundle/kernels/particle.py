@@ -23,9 +23,13 @@ OFFSET = 1 << 24
 class Draws(NamedTuple):
     """Random draws for one resampling; ``most`` is the maximum number of particles."""
 
-    cumulative: Array1[np.float64]  #: cumulative sum of the particles' weights, ending at 1, shape (n,)
+    cumulative: Array1[
+        np.float64
+    ]  #: cumulative sum of the particles' weights, ending at 1, shape (n,)
     uniforms: Array1[np.float64]  #: numbers in [0, 1), shape (most,)
-    renew: Array1[np.uint8]  #: if not 0, the particle is taken from ``fresh`` instead, shape (most,)
+    renew: Array1[
+        np.uint8
+    ]  #: if not 0, the particle is taken from ``fresh`` instead, shape (most,)
     fresh: Array2[np.float64]  #: random poses for those particles, shape (most, 3)
 
 
@@ -69,7 +73,11 @@ def _enough(bins, error, quantile):
 
 @kernel
 def resample(
-    poses: Array2[np.float64], draws: Draws, limits: Limits, table: Array1[np.int64], out: Array2[np.float64]
+    poses: Array2[np.float64],
+    draws: Draws,
+    limits: Limits,
+    table: Array1[np.int64],
+    out: Array2[np.float64],
 ) -> int:
     """Draws particles by weight until their number suffices for the occupied bins; returns that number.
 
@@ -103,7 +111,11 @@ def resample(
 
 @kernel
 def find_cells(
-    cells: Array2[np.int8], value: int, until_row: Array1[np.int64], drawn: Array1[np.int64], out: Array2[np.int64]
+    cells: Array2[np.int8],
+    value: int,
+    until_row: Array1[np.int64],
+    drawn: Array1[np.int64],
+    out: Array2[np.int64],
 ) -> None:
     """Writes (row, col), shape (n, 2), of the cells with ``value`` whose indices, counted row by row, are ``drawn``.
 

@@ -4,7 +4,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nav_bundle.kernels.costmap import INSCRIBED, UNKNOWN, Costs, Place, Points, cell_at, fill_polygon
+from nav_bundle.kernels.costmap import (
+    INSCRIBED,
+    UNKNOWN,
+    Costs,
+    Place,
+    Points,
+    cell_at,
+    fill_polygon,
+)
 from pioneer_kernels.declaration import Array1, Array2, kernel, njit
 
 Steps = Array2[np.int32]
@@ -35,7 +43,11 @@ def _plan_cells(floor, plan, cells):
         dy = plan[i, 1] - plan[before, 1]
         parts = max(1, int(np.ceil(np.sqrt(dx * dx + dy * dy) / floor.place.resolution)))
         for part in range(1, parts + 1):
-            row, col = cell_at(floor.place, plan[before, 0] + dx * part / parts, plan[before, 1] + dy * part / parts)
+            row, col = cell_at(
+                floor.place,
+                plan[before, 0] + dx * part / parts,
+                plan[before, 1] + dy * part / parts,
+            )
             if row < 0 or row >= rows or col < 0 or col >= cols or floor.costs[row, col] == UNKNOWN:
                 if count > 0:
                     return count

@@ -47,7 +47,9 @@ class Matching(NamedTuple):
     astep: float  #: initial step of the heading [rad]
     least: float  #: a particle whose best score does not exceed this keeps its pose (minimumScore)
     iterations: int  #: number of times the steps are halved
-    reach: int  #: search range [cells] for an obstacle around a beam's end, along x and y (kernelSize)
+    reach: (
+        int  #: search range [cells] for an obstacle around a beam's end, along x and y (kernelSize)
+    )
 
 
 class Tiles(NamedTuple):
@@ -68,7 +70,12 @@ def _floor(value):
 def _is_full(directory, pool, row, col):
     """Returns whether a cell is an obstacle; unseen cells are not."""
     tile_row, tile_col = row >> BITS, col >> BITS
-    if tile_row < 0 or tile_col < 0 or tile_row >= directory.shape[0] or tile_col >= directory.shape[1]:
+    if (
+        tile_row < 0
+        or tile_col < 0
+        or tile_row >= directory.shape[0]
+        or tile_col >= directory.shape[1]
+    ):
         return False
     tile = directory[tile_row, tile_col]
     if tile < 0:
@@ -91,7 +98,9 @@ def _nearest(directory, pool, x, y, behind_row, behind_col, reach):
         for c in range(col - reach, col + reach + 1):
             if not _is_full(directory, pool, r, c):
                 continue
-            if _is_full(directory, pool, r + behind_row, c) and _is_full(directory, pool, r, c + behind_col):
+            if _is_full(directory, pool, r + behind_row, c) and _is_full(
+                directory, pool, r, c + behind_col
+            ):
                 continue
             tile = directory[r >> BITS, c >> BITS]
             place = ((r & MASK) << BITS) | (c & MASK)
@@ -116,7 +125,10 @@ def _judge(x, y, yaw, beams, directory, maps, matching, exponential):
         dy = sine * beams[beam, 0] + cosine * beams[beam, 1]
         behind_row, behind_col = (-1 if dy > 0.0 else 1), (-1 if dx > 0.0 else 1)
         end_x, end_y = left + beams[beam, 2] * dx, low + beams[beam, 2] * dy
-        square = _nearest(directory, maps.pool, end_x, end_y, behind_row, behind_col, matching.reach) * square_side
+        square = (
+            _nearest(directory, maps.pool, end_x, end_y, behind_row, behind_col, matching.reach)
+            * square_side
+        )
         if exponential:
             if square >= 0.0:
                 total += math.exp(-square / matching.sigma)
@@ -156,7 +168,11 @@ def _climb(pose, beams, directory, maps, matching):
 
 @kernel
 def match(
-    poses: Array2[np.float64], beams: Array2[np.float64], maps: Maps, matching: Matching, out: Array2[np.float64]
+    poses: Array2[np.float64],
+    beams: Array2[np.float64],
+    maps: Maps,
+    matching: Matching,
+    out: Array2[np.float64],
 ) -> None:
     """Moves each particle to the pose where the scan fits its map best, and computes its likelihood there.
 

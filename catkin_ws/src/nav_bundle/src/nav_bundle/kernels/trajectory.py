@@ -11,7 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nav_bundle.kernels.costmap import INSCRIBED, LETHAL, Costs, Place, Points, cell_at, line_between, next_cell
+from nav_bundle.kernels.costmap import (
+    INSCRIBED,
+    LETHAL,
+    Costs,
+    Place,
+    Points,
+    cell_at,
+    line_between,
+    next_cell,
+)
 from nav_bundle.kernels.plan_distance import Steps
 from pioneer_kernels.declaration import Array1, Array2, kernel, njit
 
@@ -93,7 +102,9 @@ def _line_cost(costs, row_0, col_0, row_1, col_1):
 
 
 @kernel
-def footprint_cost(costs: Costs, place: Place, footprint: Points, x: float, y: float, yaw: float) -> int:
+def footprint_cost(
+    costs: Costs, place: Place, footprint: Points, x: float, y: float, yaw: float
+) -> int:
     """Returns the highest cost under the footprint's outline at a pose.
 
     Returns -1 if it crosses a lethal cell, -2 an unknown one, -3 if it leaves the grid.
@@ -147,7 +158,14 @@ def moved(x, y, yaw, vx, vy, turn, sample, acc, dt):
     turn = towards(turn, sample[2], acc[2] * dt)
     cosine = np.cos(yaw)
     sine = np.sin(yaw)
-    return x + (vx * cosine - vy * sine) * dt, y + (vx * sine + vy * cosine) * dt, yaw + turn * dt, vx, vy, turn
+    return (
+        x + (vx * cosine - vy * sine) * dt,
+        y + (vx * sine + vy * cosine) * dt,
+        yaw + turn * dt,
+        vx,
+        vy,
+        turn,
+    )
 
 
 @njit
@@ -185,11 +203,20 @@ def plan_prices(
         length = max(np.hypot(along_x, along_y), 1.0e-9)
         away = int(np.hypot(point[0] - x, point[1] - y) / place.resolution)
         row, col = cell_at(place, point[0], point[1])
-        if away >= count or row < 0 or row >= rows or col < 0 or col >= cols or costs[row, col] >= INSCRIBED:
+        if (
+            away >= count
+            or row < 0
+            or row >= rows
+            or col < 0
+            or col >= cols
+            or costs[row, col] >= INSCRIBED
+        ):
             continue
         least = prices[costs[row, col]]
         for aside in asides:
-            row, col = cell_at(place, point[0] - aside * along_y / length, point[1] + aside * along_x / length)
+            row, col = cell_at(
+                place, point[0] - aside * along_y / length, point[1] + aside * along_x / length
+            )
             if 0 <= row < rows and 0 <= col < cols:
                 least = min(least, prices[costs[row, col]])
         for near in range(max(away - blur, 0), min(away + blur + 1, count)):
@@ -229,7 +256,9 @@ def _check(ground, motion, start, sample, time, steps, scales, reach, bound, lim
         sine = np.sin(yaw)
         if bins > 0:
             away = np.hypot(x - motion.pose[0], y - motion.pose[1]) / ground.place.resolution
-            near += max(0.0, _price(ground, x, y, cosine, sine) - ground.allowed[min(int(away), bins - 1)])
+            near += max(
+                0.0, _price(ground, x, y, cosine, sine) - ground.allowed[min(int(away), bins - 1)]
+            )
         highest = max(highest, np.int64(ground.costs[row, col]))
         if bound + (scales.obstacle * highest + near / steps) > limit:
             return DEAR
@@ -314,7 +343,9 @@ def cheapest(ground, motion, starts, samples, time, steps, scales, reach, every,
     while True:
         candidate = -1
         for i in range(samples.shape[0]):
-            if results[i, COST] == UNCHECKED and (candidate < 0 or results[i, BOUND] < results[candidate, BOUND]):
+            if results[i, COST] == UNCHECKED and (
+                candidate < 0 or results[i, BOUND] < results[candidate, BOUND]
+            ):
                 candidate = i
         if candidate < 0:
             return best
@@ -322,12 +353,25 @@ def cheapest(ground, motion, starts, samples, time, steps, scales, reach, every,
         if bound > limit:
             return best
         cost = _check(
-            ground, motion, starts[candidate], samples[candidate], time, steps[candidate], scales, reach, bound, limit
+            ground,
+            motion,
+            starts[candidate],
+            samples[candidate],
+            time,
+            steps[candidate],
+            scales,
+            reach,
+            bound,
+            limit,
         )
         results[candidate, COST] = cost
         if cost < 0.0:
             continue
-        if best < 0 or cost < results[best, COST] or (cost == results[best, COST] and candidate < best):
+        if (
+            best < 0
+            or cost < results[best, COST]
+            or (cost == results[best, COST] and candidate < best)
+        ):
             best = candidate
             if not every:
                 limit = cost
@@ -381,8 +425,14 @@ def search(
         elif reach and not is_reached(ground, row, col):
             result[COST] = UNREACHED
         else:
-            result[BOUND] = scales.plan * ground.to_plan[row, col] + scales.goal * ground.to_goal[row, col]
+            result[BOUND] = (
+                scales.plan * ground.to_plan[row, col] + scales.goal * ground.to_goal[row, col]
+            )
             if heading:
-                result[BOUND] += scales.heading * _heading_difference(ground, plan, row, col, scored)
+                result[BOUND] += scales.heading * _heading_difference(
+                    ground, plan, row, col, scored
+                )
     strict = reach and not heading
-    return cheapest(ground, motion, starts, samples, horizon.time, steps, scales, strict, every, limit, results)
+    return cheapest(
+        ground, motion, starts, samples, horizon.time, steps, scales, strict, every, limit, results
+    )

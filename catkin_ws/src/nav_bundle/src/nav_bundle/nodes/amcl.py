@@ -103,14 +103,27 @@ class AmclNode:
         self._correction = CorrectionFile(config.correction_file)
         self._remembered = self._read_correction()
         self._broadcaster = TransformBroadcaster()
-        self._pose_publisher = rospy.Publisher("amcl_pose", PoseWithCovarianceStamped, queue_size=2, latch=True)
-        self._cloud_publisher = rospy.Publisher("particlecloud", PoseArray, queue_size=2, latch=True)
+        self._pose_publisher = rospy.Publisher(
+            "amcl_pose", PoseWithCovarianceStamped, queue_size=2, latch=True
+        )
+        self._cloud_publisher = rospy.Publisher(
+            "particlecloud", PoseArray, queue_size=2, latch=True
+        )
         self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=2)
         self._serve()
         self._maps = self._ask_for_map()
-        rospy.Subscriber("initialpose", PoseWithCovarianceStamped, self._queued(self._set_initial_pose), queue_size=2)
-        self._scans = rospy.Subscriber("scan", ScanMessage, self._on_scan, queue_size=1, tcp_nodelay=True)
-        self._reconfiguration = ReconfigureServer("~", config, self._on_reconfigure, (ParameterError,))
+        rospy.Subscriber(
+            "initialpose",
+            PoseWithCovarianceStamped,
+            self._queued(self._set_initial_pose),
+            queue_size=2,
+        )
+        self._scans = rospy.Subscriber(
+            "scan", ScanMessage, self._on_scan, queue_size=1, tcp_nodelay=True
+        )
+        self._reconfiguration = ReconfigureServer(
+            "~", config, self._on_reconfigure, (ParameterError,)
+        )
         entry.on_shutdown(lambda: self._post(lambda: None))
 
     def _listen(self) -> tuple[str, str, str]:
@@ -121,9 +134,13 @@ class AmclNode:
         return stripped(config.global_frame_id), odom, base
 
     def _serve(self) -> None:
-        rospy.Service("global_localization", Empty, lambda _: self._do(self._scatter, EmptyResponse()))
         rospy.Service(
-            "request_nomotion_update", Empty, lambda _: self._do(self._localisation.force_update, EmptyResponse())
+            "global_localization", Empty, lambda _: self._do(self._scatter, EmptyResponse())
+        )
+        rospy.Service(
+            "request_nomotion_update",
+            Empty,
+            lambda _: self._do(self._localisation.force_update, EmptyResponse()),
         )
         rospy.Service("set_map", SetMapArray, self._on_set_map)
 
@@ -224,7 +241,9 @@ class AmclNode:
             name = rospy.resolve_name("map" if self._config.use_map_topic else "static_map")
             raise NoMapError(f"waiting for a map from {source} {name}")
         stamp = message.header.stamp
-        laser, odom = self._listener.place_of_scan(message.header, self._odom_frame, self._base_frame)
+        laser, odom = self._listener.place_of_scan(
+            message.header, self._odom_frame, self._base_frame
+        )
         if self._remembered is not None:
             self._go_on(self._remembered, odom)
         if self._localisation.due(odom):
@@ -251,7 +270,8 @@ class AmclNode:
             )
         elif before and not lost:
             rospy.loginfo(
-                "localisation recovered: %.0f %% of the scan fits the map", 100.0 * self._localisation.agreement
+                "localisation recovered: %.0f %% of the scan fits the map",
+                100.0 * self._localisation.agreement,
             )
         self._lost = lost
 
@@ -309,11 +329,18 @@ class AmclNode:
         """Restarts once at the remembered pose, moved by the odometry since the previous amcl ended."""
         self._remembered = None
         if not remembered.applies_to(odom):
-            rospy.logwarn("~correction_file is not used: odometry was restarted; starting at the initial pose")
+            rospy.logwarn(
+                "~correction_file is not used: odometry was restarted; starting at the initial pose"
+            )
             return
         pose = remembered.map_from_odom.compose(odom)
         self._localisation.set_pose(pose, REMEMBERED_COVARIANCE)
-        rospy.loginfo("resuming at %.3f %.3f m, heading %.3f rad (from ~correction_file)", pose.x, pose.y, pose.yaw)
+        rospy.loginfo(
+            "resuming at %.3f %.3f m, heading %.3f rad (from ~correction_file)",
+            pose.x,
+            pose.y,
+            pose.yaw,
+        )
 
     def _scatter(self) -> None:
         self._localisation.scatter()
@@ -330,7 +357,9 @@ class AmclNode:
         if self._config.first_map_only and self._localisation.has_map and not again:
             return
         if stripped(message.header.frame_id) != self._map_frame:
-            rospy.logwarn("the map is in frame '%s', not '%s'", message.header.frame_id, self._map_frame)
+            rospy.logwarn(
+                "the map is in frame '%s', not '%s'", message.header.frame_id, self._map_frame
+            )
         grid = grid_from_message(message)
         self._localisation.set_map(grid)
         rospy.loginfo("map of %d x %d cells of %g m", grid.cols, grid.rows, grid.resolution)
@@ -338,7 +367,9 @@ class AmclNode:
     def _set_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         frame = stripped(message.header.frame_id)
         if frame not in ("", self._map_frame):
-            rospy.logwarn("initial pose ignored: it is in frame '%s', not '%s'", frame, self._map_frame)
+            rospy.logwarn(
+                "initial pose ignored: it is in frame '%s', not '%s'", frame, self._map_frame
+            )
             return
         pose = pose_from_message(message.pose.pose).compose(self._moved_since(message.header.stamp))
         self._localisation.set_pose(pose, covariance_from_message(message))
@@ -355,21 +386,29 @@ class AmclNode:
             then = self._listener.lookup(self._odom_frame, self._base_frame, stamp.to_sec())
             now = self._listener.lookup(self._odom_frame, self._base_frame)
         except TransformError:
-            return Pose()  # the stamp is newer than the odometry or too old: the pose counts as current
+            return (
+                Pose()
+            )  # the stamp is newer than the odometry or too old: the pose counts as current
         return then.inverse().compose(now).planar()
 
     # Publishing.
 
     def _publish_estimate(self, estimate: Estimate, stamp: rospy.Time) -> None:
-        body = PoseWithCovariance(message_from_pose(estimate.pose), covariance_message(estimate.covariance))
-        self._pose_publisher.publish(PoseWithCovarianceStamped(Header(0, stamp, self._map_frame), body))
+        body = PoseWithCovariance(
+            message_from_pose(estimate.pose), covariance_message(estimate.covariance)
+        )
+        self._pose_publisher.publish(
+            PoseWithCovarianceStamped(Header(0, stamp, self._map_frame), body)
+        )
 
     def _publish_cloud(self, stamp: rospy.Time) -> None:
         if self._now < self._next_cloud:
             return
         rate = self._config.gui_publish_rate
         self._next_cloud = self._now + 1.0 / rate if rate > 0.0 else 0.0
-        self._cloud_publisher.publish(ParticlesMessage(self._localisation.particles.copy(), self._map_frame, stamp))
+        self._cloud_publisher.publish(
+            ParticlesMessage(self._localisation.particles.copy(), self._map_frame, stamp)
+        )
 
     def _diagnose(self) -> None:
         """Publishes the uncertainty of the newest estimate once per second."""
@@ -379,7 +418,9 @@ class AmclNode:
         config = self._config
         limits = (config.std_warn_level_x, config.std_warn_level_y, config.std_warn_level_yaw)
         status = deviation_status(rospy.get_name().strip("/"), self._estimate.covariance, limits)
-        self._diagnostics.publish(DiagnosticArray(Header(0, rospy.Time.from_sec(self._now), ""), [status]))
+        self._diagnostics.publish(
+            DiagnosticArray(Header(0, rospy.Time.from_sec(self._now), ""), [status])
+        )
 
     def _broadcast(self, stamp: rospy.Time) -> None:
         """Sends the newest map_from_odom, stamped ahead so that listeners need not wait for the next one."""

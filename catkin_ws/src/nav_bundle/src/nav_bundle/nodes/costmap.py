@@ -22,7 +22,13 @@ from nav_bundle.conversions import (
     points_from_cloud,
     points_from_scan,
 )
-from nav_bundle.core.costmap.config import CostmapConfig, FleetConfig, ObstacleConfig, SourceConfig, StaticConfig
+from nav_bundle.core.costmap.config import (
+    CostmapConfig,
+    FleetConfig,
+    ObstacleConfig,
+    SourceConfig,
+    StaticConfig,
+)
 from nav_bundle.core.costmap.cost import occupancy_by_cost
 from nav_bundle.core.costmap.costmap import Costmap
 from nav_bundle.core.costmap.geometry import EMPTY, Geometry
@@ -95,8 +101,12 @@ class CostmapNode:
         self._grid_publisher = rospy.Publisher(
             f"~{name}/costmap", OccupancyGrid, subscriber_listener=self._listener_flag, queue_size=1
         )
-        self._update_publisher = rospy.Publisher(f"~{name}/costmap_updates", OccupancyGridUpdate, queue_size=10)
-        self._footprint_publisher = rospy.Publisher(f"~{name}/footprint", PolygonStamped, queue_size=1)
+        self._update_publisher = rospy.Publisher(
+            f"~{name}/costmap_updates", OccupancyGridUpdate, queue_size=10
+        )
+        self._footprint_publisher = rospy.Publisher(
+            f"~{name}/footprint", PolygonStamped, queue_size=1
+        )
         self._updated, self._published = -np.inf, -np.inf
         self._changed = EMPTY
         self._shown: Geometry | None = None  # of the last whole costmap published
@@ -113,7 +123,12 @@ class CostmapNode:
     def _listen_to(self, config: CostmapConfig) -> None:
         """Subscribes to the sources of enabled layers and unsubscribes from others; keeps messages received so far."""
         enabled = [layer for layer in config.layers if layer.enabled]
-        sources = [source for layer in enabled if isinstance(layer, ObstacleConfig) for source in layer.sources]
+        sources = [
+            source
+            for layer in enabled
+            if isinstance(layer, ObstacleConfig)
+            for source in layer.sources
+        ]
         self._others = tuple(layer for layer in enabled if isinstance(layer, FleetConfig))
         for layer in self._others:
             for frame in layer.frames():
@@ -138,7 +153,9 @@ class CostmapNode:
         layers = [layer for layer in self._config.layers if isinstance(layer, StaticConfig)]
         for topic in dict.fromkeys(layer.map_topic for layer in layers):
             self._map_frames[topic] = self.frame
-            rospy.Subscriber(_resolvable(topic), GridMessage, partial(self._on_map, topic), queue_size=1)
+            rospy.Subscriber(
+                _resolvable(topic), GridMessage, partial(self._on_map, topic), queue_size=1
+            )
 
     def _on_map(self, topic: str, message: GridMessage) -> None:
         try:
@@ -160,7 +177,9 @@ class CostmapNode:
 
     def missing(self, now: float) -> list[str]:
         """Returns descriptions of the inputs that the costmap still waits for."""
-        found = [f"the map on {rospy.resolve_name(_resolvable(topic))}" for topic in self._missing_maps()]
+        found = [
+            f"the map on {rospy.resolve_name(_resolvable(topic))}" for topic in self._missing_maps()
+        ]
         if self.pose(now) is None:
             found.append(f"a transform from {self.base_frame} to {self.frame}")
         return found
@@ -197,7 +216,9 @@ class CostmapNode:
     def _fault(self, source: "_Input", now: float) -> str:
         """Returns why a source is not current; empty if it is."""
         period = 1.0 / self._config.update_frequency
-        return source.source.fault(source.scans.received, now, period, self._config.transform_tolerance)
+        return source.source.fault(
+            source.scans.received, now, period, self._config.transform_tolerance
+        )
 
     def update(self, now: float, forced: bool = False) -> bool:
         """Updates and publishes the costmap, each if due; ``forced`` updates in any case.
@@ -207,7 +228,10 @@ class CostmapNode:
         while self._new_maps:
             topic, grid = self._new_maps.popitem()
             self.costmap.set_map(grid, topic)
-        due = now - self._updated >= 1.0 / self._config.update_frequency - 1.0e-6 or now < self._updated
+        due = (
+            now - self._updated >= 1.0 / self._config.update_frequency - 1.0e-6
+            or now < self._updated
+        )
         if not self.costmap.ready or not (due or forced):
             return False
         pose = self.pose(now)
@@ -231,7 +255,9 @@ class CostmapNode:
         for source in self._sources:
             newest = source.source.buffer.last
             if newest is not None and not self._fault(source, now):
-                return Picture(Pose(newest.sensor_x, newest.sensor_y, newest.sensor_yaw), newest.points)
+                return Picture(
+                    Pose(newest.sensor_x, newest.sensor_y, newest.sensor_yaw), newest.points
+                )
         return None
 
     def forget(self) -> None:
@@ -268,7 +294,9 @@ class CostmapNode:
                     continue
                 try:
                     if now - self._listener.latest(self.frame, frame) <= layer.timeout:
-                        found[frame.rpartition("/")[0]] = self._listener.lookup(self.frame, frame).planar()
+                        found[frame.rpartition("/")[0]] = self._listener.lookup(
+                            self.frame, frame
+                        ).planar()
                 except TransformError as error:
                     rospy.logdebug("%s: no other robot at %s: %s", self.name, frame, error)
         return found
@@ -280,7 +308,9 @@ class CostmapNode:
             source.source.update(source.scans.arrivals(), partial(self._placed, source), now)
             refusal = source.source.refusal
             if refusal:
-                source.scans.unusable.warn(f"{self.name}: cannot use messages on {source.scans.topic}: {refusal}")
+                source.scans.unusable.warn(
+                    f"{self.name}: cannot use messages on {source.scans.topic}: {refusal}"
+                )
             else:
                 source.scans.unusable.end()
             observations.extend(source.source.buffer.current(now))
@@ -290,7 +320,9 @@ class CostmapNode:
         """Returns the observation of a message; raises TransformError or ObservationError."""
         config = source.config
         scan = arrival.message
-        place = self._listener.lookup(self.frame, source.frame or scan.header.frame_id, arrival.stamp or None)
+        place = self._listener.lookup(
+            self.frame, source.frame or scan.header.frame_id, arrival.stamp or None
+        )
         if config.data_type == "PointCloud2":
             points = place.apply(points_from_cloud(scan))
         else:
@@ -298,7 +330,9 @@ class CostmapNode:
         heights = points[:, 2]
         kept = (heights >= config.min_obstacle_height) & (heights <= config.max_obstacle_height)
         sensor_x, sensor_y, _ = place.translation
-        return Observation(config, sensor_x, sensor_y, np.ascontiguousarray(points[kept, :2]), place.planar().yaw)
+        return Observation(
+            config, sensor_x, sensor_y, np.ascontiguousarray(points[kept, :2]), place.planar().yaw
+        )
 
     def _publish(self, now: float, pose: Pose) -> None:
         if self._footprint_publisher.get_num_connections():
@@ -310,7 +344,11 @@ class CostmapNode:
         changed, self._changed = self._changed, EMPTY
         if not self._grid_publisher.get_num_connections():
             return
-        whole = self._listener_flag.arrived or self._config.always_send_full_costmap or self._config.rolling_window
+        whole = (
+            self._listener_flag.arrived
+            or self._config.always_send_full_costmap
+            or self._config.rolling_window
+        )
         if whole or self._shown != self.costmap.geometry:
             self._listener_flag.arrived = False
             self._shown = replace(self.costmap.geometry)

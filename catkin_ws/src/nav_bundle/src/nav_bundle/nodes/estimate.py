@@ -27,8 +27,15 @@ class PoseStore:
         self._next, self._saved = now + self._period, estimate
         pose, covariance = estimate.pose, estimate.covariance
         names = ("pose_x", "pose_y", "pose_a", "cov_xx", "cov_yy", "cov_aa")
-        values = (pose.x, pose.y, pose.yaw, *(float(covariance[index, index]) for index in range(3)))
-        set_parameters({f"~initial_{name}": value for name, value in zip(names, values, strict=True)})
+        values = (
+            pose.x,
+            pose.y,
+            pose.yaw,
+            *(float(covariance[index, index]) for index in range(3)),
+        )
+        set_parameters(
+            {f"~initial_{name}": value for name, value in zip(names, values, strict=True)}
+        )
         return True
 
     def restart(self) -> None:
@@ -48,7 +55,12 @@ def deviation_status(
     """
     names, deviations = ("x", "y", "yaw"), np.sqrt(np.maximum(np.diag(covariance), 0.0))
     is_unsure = bool((deviations > limits).any())
-    values = [KeyValue(f"std_{name}", f"{value:g}") for name, value in zip(names, deviations, strict=True)]
-    values += [KeyValue(f"std_warn_level_{name}", f"{value:g}") for name, value in zip(names, limits, strict=True)]
+    values = [
+        KeyValue(f"std_{name}", f"{value:g}") for name, value in zip(names, deviations, strict=True)
+    ]
+    values += [
+        KeyValue(f"std_warn_level_{name}", f"{value:g}")
+        for name, value in zip(names, limits, strict=True)
+    ]
     level, text = (DiagnosticStatus.WARN, "Too large") if is_unsure else (DiagnosticStatus.OK, "OK")
     return DiagnosticStatus(level, f"{node}: Standard deviation", text, "None", values)

@@ -6,7 +6,12 @@ import rospy
 from nav_msgs.msg import MapMetaData
 from nav_msgs.srv import LoadMapRequest, LoadMapResponse
 
-from nav_bundle.adapters.map_file import MapFileMissingError, MapImageError, MapMetadataError, read_map
+from nav_bundle.adapters.map_file import (
+    MapFileMissingError,
+    MapImageError,
+    MapMetadataError,
+    read_map,
+)
 from nav_bundle.conversions import (
     GetMapArray,
     GetMapArrayResponse,
@@ -44,7 +49,9 @@ class MapServerNode:
             raise NavigationError(f"usage: map_server MAP.yaml (got {len(arguments)} arguments)")
         self._frame = stripped(str(rospy.get_param("~frame_id", "map")))
         self._map_publisher = rospy.Publisher("map", GridMessage, queue_size=1, latch=True)
-        self._metadata_publisher = rospy.Publisher("map_metadata", MapMetaData, queue_size=1, latch=True)
+        self._metadata_publisher = rospy.Publisher(
+            "map_metadata", MapMetaData, queue_size=1, latch=True
+        )
         self._map = self._load(Path(arguments[0]))
         self._publish()
         rospy.Service("static_map", GetMapArray, lambda _: GetMapArrayResponse(self._map))

@@ -49,7 +49,9 @@ _COMPLAIN_EVERY = 5.0
 _CELLS_AT_ONCE = 50_000
 """Cells that a service's search visits at once, about 2 ms: the loop waits for the interpreter as long."""
 _BUSY = "move_base must be in an inactive state to make a plan for an external user"
-_NO_START = "move_base cannot make a plan for you because it could not get the start pose of the robot"
+_NO_START = (
+    "move_base cannot make a plan for you because it could not get the start pose of the robot"
+)
 
 
 class _Shown(NamedTuple):
@@ -70,7 +72,9 @@ class _Shown(NamedTuple):
             rospy.Publisher(f"{near}/global_plan", PathType, queue_size=1),
             rospy.Publisher(f"{near}/local_plan", PathType, queue_size=1),
             rospy.Publisher(f"{near}/cost_cloud", PointCloud2, queue_size=1),
-            rospy.Publisher(f"{far}/potential", OccupancyGrid, queue_size=1) if setup.potential_scale else None,
+            rospy.Publisher(f"{far}/potential", OccupancyGrid, queue_size=1)
+            if setup.potential_scale
+            else None,
         )
 
 
@@ -107,7 +111,9 @@ class MoveBaseNode:
         self._global = CostmapNode("global_costmap", self._setup.global_costmap, self._listener)
         self._local = CostmapNode("local_costmap", self._setup.local_costmap, self._listener)
         self._listener.listen(self._local.frame, self._global.frame)
-        self._navigator = Navigator(self._setup, self._global.costmap, self._local.costmap, self._refresh)
+        self._navigator = Navigator(
+            self._setup, self._global.costmap, self._local.costmap, self._refresh
+        )
         self._warned: dict[str, float] = {}
         self._in_trouble = False
         self._blind = StandingWarning("odometry and transforms have come again: driving on")
@@ -128,7 +134,9 @@ class MoveBaseNode:
         self._reconfiguration: Reconfiguration
 
     def _serve_planner(self) -> rospy.Service:
-        return rospy.Service(f"~{self._setup.global_planner_name}/make_plan", GetPlanArray, self._make_plan)
+        return rospy.Service(
+            f"~{self._setup.global_planner_name}/make_plan", GetPlanArray, self._make_plan
+        )
 
     def _adopt(self, setup: Setup) -> None:
         """Applies new parameters; keeps the costmaps' data and the current plan."""
@@ -253,7 +261,11 @@ class MoveBaseNode:
                 self._goals.report(sight.pose, now)
 
     def _goal_fault(self, goal: Pose) -> str:
-        return "" if self._setup.global_planner.default_tolerance else self._global.costmap.goal_fault(goal)
+        return (
+            ""
+            if self._setup.global_planner.default_tolerance
+            else self._global.costmap.goal_fault(goal)
+        )
 
     def _sight(self, now: float) -> Sight:
         """Returns the robot's current state, as far as it is known; publishes why it may not drive."""
@@ -300,7 +312,10 @@ class MoveBaseNode:
         if cycle.decision is not None:
             self._show(self._shown.followed, cycle.decision.global_plan, self._local.frame, now)
             self._show(self._shown.driven, cycle.decision.local_plan, self._local.frame, now)
-            if self._setup.local_planner.publish_cost_grid_pc and self._shown.costs.get_num_connections():
+            if (
+                self._setup.local_planner.publish_cost_grid_pc
+                and self._shown.costs.get_num_connections()
+            ):
                 header = Header(0, rospy.Time.from_sec(now), self._local.frame)
                 self._shown.costs.publish(cost_cloud(self._navigator.cell_costs(), header))
         for text in cycle.warnings:
@@ -317,14 +332,22 @@ class MoveBaseNode:
     def _warn(self, text: str, now: float) -> None:
         """Logs a warning; throttles each text separately."""
         if not 0.0 <= now - self._warned.get(text, -_COMPLAIN_EVERY) < _COMPLAIN_EVERY:
-            self._warned = {old: time for old, time in self._warned.items() if 0.0 <= now - time < _COMPLAIN_EVERY}
+            self._warned = {
+                old: time
+                for old, time in self._warned.items()
+                if 0.0 <= now - time < _COMPLAIN_EVERY
+            }
             self._warned[text] = now
             self._in_trouble = True
             rospy.logwarn("%s", text)
 
     def _show_potential(self, search: Search) -> None:
         publisher, costmap = self._shown.potential, self._global.costmap
-        if publisher is None or not publisher.get_num_connections() or not isinstance(search, NavfnSearch):
+        if (
+            publisher is None
+            or not publisher.get_num_connections()
+            or not isinstance(search, NavfnSearch)
+        ):
             return
         if search.potential.shape == costmap.cells.shape:
             values = visible_potential(search.potential, self._setup.potential_scale)
@@ -340,12 +363,18 @@ class MoveBaseNode:
         self._velocity.publish(message)
 
     def _report_recovery(self, started: StartRecovery) -> None:
-        index, name, count = started.index, self._setup.recoveries[started.index].name, len(self._setup.recoveries)
+        index, name, count = (
+            started.index,
+            self._setup.recoveries[started.index].name,
+            len(self._setup.recoveries),
+        )
         self._in_trouble = True
         rospy.logwarn("recovery behavior %d of %d: %s", index + 1, count, name)
         if self._recovery_status.get_num_connections():
             now = rospy.get_time()
-            place = stamped_from_pose(self._local.pose(now) or Pose(), self._local.frame, rospy.Time.from_sec(now))
+            place = stamped_from_pose(
+                self._local.pose(now) or Pose(), self._local.frame, rospy.Time.from_sec(now)
+            )
             reason = f"{name} ({started.trigger.name.lower()})"
             self._recovery_status.publish(RecoveryStatus(place, index, count, reason))
 
@@ -367,13 +396,17 @@ class MoveBaseNode:
 
     def _plan_for(self, request: GetPlanRequest) -> Path:
         check_numbers("make_plan", request)
-        start = self._goals.in_global_frame(request.start) if request.start.header.frame_id else None
+        start = (
+            self._goals.in_global_frame(request.start) if request.start.header.frame_id else None
+        )
         goal = self._goals.in_global_frame(request.goal)
         with self._turn:
             start = start or self._global.pose(rospy.get_time())
             if start is None:
                 raise PlannerError(_NO_START)
-            search = self._navigator.planner.search(self._global.costmap, start, goal, request.tolerance)
+            search = self._navigator.planner.search(
+                self._global.costmap, start, goal, request.tolerance
+            )
         path = None
         while path is None:
             if rospy.is_shutdown():

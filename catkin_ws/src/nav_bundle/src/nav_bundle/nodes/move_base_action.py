@@ -65,8 +65,14 @@ class ActionServer(actionlib.SimpleActionServer):
         super().__init__(name, MoveBaseAction, auto_start=False)
         self._goal_fault, self._future_limit = fault, future_limit
         server = self.action_server
-        self._pass_goal, self._pass_cancel = server.internal_goal_callback, server.internal_cancel_callback
-        server.internal_goal_callback, server.internal_cancel_callback = self._on_goal, self._on_cancel
+        self._pass_goal, self._pass_cancel = (
+            server.internal_goal_callback,
+            server.internal_cancel_callback,
+        )
+        server.internal_goal_callback, server.internal_cancel_callback = (
+            self._on_goal,
+            self._on_cancel,
+        )
 
     def _on_goal(self, goal: MoveBaseActionGoal) -> None:
         if fault := self._goal_fault(goal.goal.target_pose):
@@ -81,7 +87,8 @@ class ActionServer(actionlib.SimpleActionServer):
             self._pass_cancel(cancel)
         else:
             rospy.logwarn_throttle(
-                _WARNING_PERIOD, f"a cancel was dropped: it is stamped {ahead:.1f} s ahead of the clock"
+                _WARNING_PERIOD,
+                f"a cancel was dropped: it is stamped {ahead:.1f} s ahead of the clock",
             )
 
     def start(self) -> None:
@@ -128,7 +135,11 @@ class GoalServer:
     """
 
     def __init__(
-        self, global_frame: str, listener: TransformListener, future_limit: float, fault: Callable[[Pose], str]
+        self,
+        global_frame: str,
+        listener: TransformListener,
+        future_limit: float,
+        fault: Callable[[Pose], str],
     ) -> None:
         """Starts the server.
 
@@ -140,7 +151,9 @@ class GoalServer:
         """
         self._frame, self._listener, self._fault = global_frame, listener, fault
         self._goal_publisher = rospy.Publisher("~current_goal", PoseStamped, queue_size=1)
-        self._action_goal_publisher = rospy.Publisher("move_base/goal", MoveBaseActionGoal, queue_size=1)
+        self._action_goal_publisher = rospy.Publisher(
+            "move_base/goal", MoveBaseActionGoal, queue_size=1
+        )
         self._server = ActionServer("move_base", self._message_fault, future_limit)
         self._server.start()
         rospy.Subscriber("move_base_simple/goal", PoseStamped, self._on_simple_goal, queue_size=1)
@@ -208,11 +221,15 @@ class GoalServer:
                 return transform.planar().compose(pose_from_message(pose.pose))
             except TransformError as error:
                 fault = fault or error
-        raise TransformError(f"Failed to transform the goal pose from {frame} into the {self._frame} frame: {fault}")
+        raise TransformError(
+            f"Failed to transform the goal pose from {frame} into the {self._frame} frame: {fault}"
+        )
 
     def cancelled(self) -> bool:
         """Returns whether the active goal was cancelled and no new goal has arrived."""
-        return bool(self._server.is_preempt_requested() and not self._server.is_new_goal_available())
+        return bool(
+            self._server.is_preempt_requested() and not self._server.is_new_goal_available()
+        )
 
     def report(self, pose: Pose, now: float) -> None:
         """Publishes the robot's pose as the goal's feedback."""

@@ -32,7 +32,9 @@ class Reconfiguration:
         adopt: applies a new setup.
     """
 
-    def __init__(self, parameters: Mapping[str, Any], setup: Setup, adopt: Callable[[Setup], None]) -> None:
+    def __init__(
+        self, parameters: Mapping[str, Any], setup: Setup, adopt: Callable[[Setup], None]
+    ) -> None:
         self._parameters, self._setup, self._adopt = parameters, setup, adopt
         self._turn = threading.Lock()
         self._servers: dict[str, ReconfigureServer] = {}
@@ -47,7 +49,9 @@ class Reconfiguration:
                 self._servers[namespace].update(config)
             else:
                 apply = partial(self._apply, namespace)
-                self._servers[namespace] = ReconfigureServer(f"~{namespace}", config, apply, _BAD_INPUT)
+                self._servers[namespace] = ReconfigureServer(
+                    f"~{namespace}", config, apply, _BAD_INPUT
+                )
 
     def _apply(self, namespace: str, changes: dict[str, Value]) -> None:
         with self._turn:

@@ -51,7 +51,9 @@ def diagnostic_from_report(report: Report) -> DiagnosticStatus:
     values = [KeyValue("reason", report.reason.code.name), KeyValue("since", f"{report.since:.1f}")]
     if report.reason.robot:
         values.append(KeyValue("robot", report.reason.robot))
-    return DiagnosticStatus(level, rospy.get_name().lstrip("/"), report.text(), rospy.get_namespace(), values)
+    return DiagnosticStatus(
+        level, rospy.get_name().lstrip("/"), report.text(), rospy.get_namespace(), values
+    )
 
 
 class StatePublisher:

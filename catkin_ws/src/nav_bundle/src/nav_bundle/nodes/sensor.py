@@ -54,7 +54,9 @@ class Newest(Generic[Message]):
         self._count = 0
         self.received: float | None = None
         """ROS time [s] of the last arrival; None before the first."""
-        self._subscriber = rospy.Subscriber(topic, _packed(kind), self._store, queue_size=1, tcp_nodelay=True)
+        self._subscriber = rospy.Subscriber(
+            topic, _packed(kind), self._store, queue_size=1, tcp_nodelay=True
+        )
 
     def _store(self, message: Any) -> None:
         self._count += 1
@@ -76,14 +78,17 @@ class Newest(Generic[Message]):
         """Yields the kept messages that parse, newest first; unpacks each only when it is reached."""
         for message in reversed(self._kept.copy()):
             if not message.broken and (message.packed is None or self._unpack(message)):
-                yield Arrival(message.number, message.received, message.header.stamp.to_sec(), message)
+                yield Arrival(
+                    message.number, message.received, message.header.stamp.to_sec(), message
+                )
 
     def _unpack(self, message: Any) -> bool:
         try:
             self._kind.deserialize(message, message.packed)  # type: ignore[attr-defined]
         except (genpy.DeserializationError, ValueError) as error:  # the latter from numpy
             rospy.logwarn_throttle(
-                _WARNING_PERIOD, f"a message on {self.topic} was dropped, it does not parse: {error}"
+                _WARNING_PERIOD,
+                f"a message on {self.topic} was dropped, it does not parse: {error}",
             )
             message.broken = True
             return False

@@ -54,9 +54,14 @@ class SlamGmappingNode:
     """
 
     def __init__(self) -> None:
-        self._config = config = config_from_mapping(GmappingConfig, entry.parameters(), "slam_gmapping")
+        self._config = config = config_from_mapping(
+            GmappingConfig, entry.parameters(), "slam_gmapping"
+        )
         self._map_frame = stripped(config.map_frame)
-        self._odom_frame, self._base_frame = robot_frame(config.odom_frame), robot_frame(config.base_frame)
+        self._odom_frame, self._base_frame = (
+            robot_frame(config.odom_frame),
+            robot_frame(config.base_frame),
+        )
         self._arrived = threading.Condition()
         self._scan: ScanMessage | None = None
         self._scans = 0
@@ -70,13 +75,17 @@ class SlamGmappingNode:
         self._listener.listen(self._odom_frame, self._base_frame)
         self._broadcaster = TransformBroadcaster()
         self._map_publisher = rospy.Publisher("map", GridMessage, queue_size=1, latch=True)
-        self._metadata_publisher = rospy.Publisher("map_metadata", MapMetaData, queue_size=1, latch=True)
+        self._metadata_publisher = rospy.Publisher(
+            "map_metadata", MapMetaData, queue_size=1, latch=True
+        )
         self._entropy_publisher = rospy.Publisher("~entropy", Float64, queue_size=1, latch=True)
         rospy.Service("dynamic_map", GetMapArray, self._on_dynamic_map)
         if config.transform_publish_period > 0.0:
             period = rospy.Duration.from_sec(config.transform_publish_period)
             rospy.Timer(period, self._broadcast, reset=True)
-        self._subscriber = rospy.Subscriber("scan", ScanMessage, self._on_scan, queue_size=5, tcp_nodelay=True)
+        self._subscriber = rospy.Subscriber(
+            "scan", ScanMessage, self._on_scan, queue_size=5, tcp_nodelay=True
+        )
         entry.on_shutdown(self._wake)
 
     def _on_scan(self, message: ScanMessage) -> None:
@@ -113,13 +122,16 @@ class SlamGmappingNode:
     def _use(self, message: ScanMessage) -> None:
         self._read_clock()
         stamp = message.header.stamp
-        laser, odom = self._listener.place_of_scan(message.header, self._odom_frame, self._base_frame)
+        laser, odom = self._listener.place_of_scan(
+            message.header, self._odom_frame, self._base_frame
+        )
         if not self._slam.observe(odom, scan_from_message(message, laser), stamp.to_sec()):
             return
         self._map_from_odom = self._slam.map_from_odom
         if count := self._slam.unmatched:
             rospy.logwarn_throttle(
-                WARNING_PERIOD, f"{counted(count, 'particle')} found no match for the scan: only odometry moves them"
+                WARNING_PERIOD,
+                f"{counted(count, 'particle')} found no match for the scan: only odometry moves them",
             )
         if stamp.to_sec() >= self._next_map:
             self._next_map = stamp.to_sec() + self._config.map_update_interval

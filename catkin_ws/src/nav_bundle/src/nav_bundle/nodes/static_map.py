@@ -19,6 +19,8 @@ def fetch_map() -> GridMessage | None:
             return rospy.ServiceProxy("static_map", GetMapArray)().map
         except (rospy.ROSException, rospy.ServiceException) as error:
             if not rospy.is_shutdown():
-                rospy.logwarn_throttle(_WARNING_PERIOD, f"no map from service {name} yet; trying again: {error}")
+                rospy.logwarn_throttle(
+                    _WARNING_PERIOD, f"no map from service {name} yet; trying again: {error}"
+                )
                 rospy.rostime.wallsleep(_RETRY)
     return None

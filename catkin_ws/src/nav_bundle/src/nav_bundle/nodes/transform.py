@@ -50,8 +50,12 @@ class TransformListener(TransformStore):
         super().__init__(rospy.get_time, _warn, future_limit)
         self._mounts: dict[tuple[str, str], Transform] = {}
         # Several nodes may publish a robot's edges, one per message; a short queue would lose some.
-        rospy.Subscriber("/tf", RawTFMessage, lambda one: self.take(one.buffer), queue_size=100, tcp_nodelay=True)
-        rospy.Subscriber("/tf_static", RawTFMessage, lambda one: self.take_static(one.buffer), queue_size=100)
+        rospy.Subscriber(
+            "/tf", RawTFMessage, lambda one: self.take(one.buffer), queue_size=100, tcp_nodelay=True
+        )
+        rospy.Subscriber(
+            "/tf_static", RawTFMessage, lambda one: self.take_static(one.buffer), queue_size=100
+        )
         entry.on_shutdown(self.wake)
 
     def wait(self, target: str, source: str, stamp: float | None, timeout: float) -> Transform:
@@ -90,7 +94,9 @@ class TransformListener(TransformStore):
         mount = base, stripped(header.frame_id)
         if mount not in self._mounts:
             self._mounts[mount] = self.wait(*mount, None, _SCAN_TIMEOUT)
-        return self._mounts[mount], self.wait(odom, base, header.stamp.to_sec(), _SCAN_TIMEOUT).planar()
+        return self._mounts[mount], self.wait(
+            odom, base, header.stamp.to_sec(), _SCAN_TIMEOUT
+        ).planar()
 
 
 class TransformBroadcaster:

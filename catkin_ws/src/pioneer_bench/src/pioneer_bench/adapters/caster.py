@@ -35,7 +35,9 @@ def mesh_at(height: float, placed: Iterable[tuple[Shape, Pose]]) -> trimesh.Trim
     return trimesh.util.concatenate(parts) if parts else trimesh.Trimesh()
 
 
-def distances(mesh: trimesh.Trimesh, origin: NDArray[np.float64], beams: NDArray[np.float64]) -> NDArray[np.float64]:
+def distances(
+    mesh: trimesh.Trimesh, origin: NDArray[np.float64], beams: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Returns the range [m] of each beam to the mesh; +inf if it hits nothing.
 
     Args:

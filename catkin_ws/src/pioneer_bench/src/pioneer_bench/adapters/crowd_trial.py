@@ -29,7 +29,11 @@ def crowd_rows(fleet: Fleet, how: str = "") -> list[Row]:
     name = f"hub with {SIZE:,} gateways × {RULES} rules{how}"
     with fleet.base.running("crowd", fleet.port, SIZE, RULES, CHANGES) as crowd:
         before = _cpu(fleet)
-        wait_until(lambda: "ready" in crowd.lines() or not crowd.lives, "the crowd's convergence", CROWD_PATIENCE)
+        wait_until(
+            lambda: "ready" in crowd.lines() or not crowd.lives,
+            "the crowd's convergence",
+            CROWD_PATIENCE,
+        )
         said = [line.split() for line in crowd.lines()]
         spent = _cpu(fleet) - before
         joining = _resident(fleet)
@@ -61,7 +65,10 @@ def _resident(fleet: Fleet) -> float:
 
 def _flip(fleet: Fleet, number: int) -> float:
     topic = f"/crowded{number}"
-    with fleet.robot.running("talk", "crowded", topic, 100, 100, 10), fleet.base.running("hear", topic) as ear:
+    with (
+        fleet.robot.running("talk", "crowded", topic, 100, 100, 10),
+        fleet.base.running("hear", topic) as ear,
+    ):
         wait_until(lambda: fleet.robot.publishers(topic), "the publisher", PATIENCE)
         wait_until(lambda: topic in fleet.base.master.system_state()[1], "the subscriber", PATIENCE)
         asked = time.monotonic()

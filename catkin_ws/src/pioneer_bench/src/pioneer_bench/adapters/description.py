@@ -39,7 +39,12 @@ def meshed_pioneer(folder: Path) -> Robot:
         if link.name in DRUMS:
             path = folder / f"{link.name}.obj"
             path.write_text(_drum(*DRUMS[link.name]))
-            mesh = Collision("mesh", IDENTITY, Mesh(str(path)), link.collisions[0].friction if link.collisions else 1.0)
+            mesh = Collision(
+                "mesh",
+                IDENTITY,
+                Mesh(str(path)),
+                link.collisions[0].friction if link.collisions else 1.0,
+            )
             link = replace(link, collisions=(mesh,))
         links.append(link)
     return replace(robot, links=tuple(links))
@@ -47,7 +52,10 @@ def meshed_pioneer(folder: Path) -> Robot:
 
 def _drum(radius: float, width: float) -> str:
     """Returns a prism along the y axis, in OBJ format."""
-    rim = [(radius * math.cos(a), radius * math.sin(a)) for a in (k * math.tau / SIDES for k in range(SIDES))]
+    rim = [
+        (radius * math.cos(a), radius * math.sin(a))
+        for a in (k * math.tau / SIDES for k in range(SIDES))
+    ]
     lines = [f"v {x:.5f} {y:.5f} {z:.5f}" for y in (-width / 2, width / 2) for x, z in rim]
     quads = [(k + 1, (k + 1) % SIDES + 1) for k in range(SIDES)]
     lines += [f"f {a} {b} {b + SIDES} {a + SIDES}" for a, b in quads]

@@ -80,11 +80,18 @@ class Site:
 
     def start(self) -> None:
         """Starts the gateway and waits until it is connected to the hub."""
-        config = {"name": self.name, "disable_uuids": True, "firewall": False, "hub_uri": self._fleet.hub_uri}
+        config = {
+            "name": self.name,
+            "disable_uuids": True,
+            "firewall": False,
+            "hub_uri": self._fleet.hub_uri,
+        }
         self.master.set_param("/gateway", config)
         self.gateway = self.run("gateway", [_program("rocon_gateway", "gateway")])
         # Waits for the service that the gateway advertises last.
-        wait_until(lambda: self.serves("/gateway/set_watcher_period"), f"{self.name}'s services", PATIENCE)
+        wait_until(
+            lambda: self.serves("/gateway/set_watcher_period"), f"{self.name}'s services", PATIENCE
+        )
         wait_until(self.is_connected, f"{self.name} on the hub", PATIENCE)
 
     def run(self, name: str, argv: list[str]) -> Process:
@@ -128,7 +135,9 @@ class Site:
 
     def service(self, name: str, kind: Any, persistent: bool) -> Connection:
         """Returns a connection to a service of this master."""
-        return self._client.service(name, kind._md5sum, **({"persistent": "1"} if persistent else {}))
+        return self._client.service(
+            name, kind._md5sum, **({"persistent": "1"} if persistent else {})
+        )
 
     def ask(self, action: str, gateway: str, kind: str, topic: str, cancel: bool = False) -> None:
         """Calls the gateway's `flip` or `pull`."""

@@ -78,7 +78,12 @@ def idle_rows(fleet: Fleet, seconds: float) -> list[Row]:
     return [
         Row("idle gateway: CPU", "% of a core", share, 0.5),
         Row("idle gateway: threads", "", tuple(float(one["Threads"]) for one in status), 8),
-        Row("idle gateway: resident memory", "MB", tuple(float(one["VmRSS"]) / 1024 for one in status), 25),
+        Row(
+            "idle gateway: resident memory",
+            "MB",
+            tuple(float(one["VmRSS"]) / 1024 for one in status),
+            25,
+        ),
     ]
 
 
@@ -113,7 +118,11 @@ def _flow(site: Site, topic: str, carriers: list[Process], seconds: float) -> Fl
 
 def _status(pid: int) -> dict[str, str]:
     lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    return {key: value.split()[0] for key, _, value in (line.partition(":") for line in lines) if value.strip()}
+    return {
+        key: value.split()[0]
+        for key, _, value in (line.partition(":") for line in lines)
+        if value.strip()
+    }
 
 
 def service_rows(fleet: Fleet, repetitions: int) -> list[Row]:
@@ -126,7 +135,9 @@ def service_rows(fleet: Fleet, repetitions: int) -> list[Row]:
             wait_until(lambda s=site: s.serves(SERVICE), f"{SERVICE} at {site.name}", PATIENCE)
         for what, persistent in (("a connection each", False), ("one connection", True)):
             for way, site in ways.items():
-                samples = tuple(statistics.median(_times(site, persistent)) for _ in range(repetitions))
+                samples = tuple(
+                    statistics.median(_times(site, persistent)) for _ in range(repetitions)
+                )
                 rows.append(Row(f"service call, {what}, {way}: p50", "ms", samples))
             spent = tuple(_spent(fleet, persistent) for _ in range(repetitions))
             rows.append(Row(f"service call, {what}, gateways (both)", "CPU-ms", spent))

@@ -31,8 +31,16 @@ def loose_maze() -> World:
     for number in range(BOXES):
         row, column = divmod(number, BOX_COLUMNS)
         size = (LENGTH, WIDTH, HEIGHT) if chance.random() < 0.5 else (WIDTH, LENGTH, HEIGHT)
-        link = Link("link", mass=10.0, inertia=Inertia(), collisions=(Collision("c", Pose(), Box(size)),))
-        pose = Pose(((column - BOX_COLUMNS / 2) * BOX_PITCH, (row - BOXES / BOX_COLUMNS / 2) * BOX_PITCH, HEIGHT / 2))
+        link = Link(
+            "link", mass=10.0, inertia=Inertia(), collisions=(Collision("c", Pose(), Box(size)),)
+        )
+        pose = Pose(
+            (
+                (column - BOX_COLUMNS / 2) * BOX_PITCH,
+                (row - BOXES / BOX_COLUMNS / 2) * BOX_PITCH,
+                HEIGHT / 2,
+            )
+        )
         boxes.append(Model(f"box_{number}", pose, links=(link,)))
     return World("285 loose boxes", (floor(), *boxes))
 
@@ -51,7 +59,8 @@ def shop(folder: Path) -> World:
         count = COLLISIONS // MODELS + (number < COLLISIONS % MODELS)
         files = lumps if number % 3 else [str(folder / "crate.stl")]
         shapes = tuple(
-            Collision(f"c{k}", Pose((0.0, 0.0, FOOT + 0.6 * k)), Mesh(chance.choice(files))) for k in range(count)
+            Collision(f"c{k}", Pose((0.0, 0.0, FOOT + 0.6 * k)), Mesh(chance.choice(files)))
+            for k in range(count)
         )
         pose = Pose(((column - COLUMNS / 2) * PITCH, (row - COLUMNS / 2) * PITCH, 0.0))
         link = Link("link", IDENTITY, 20.0, Inertia(), shapes)
@@ -63,7 +72,9 @@ def _lump(path: Path, seed: int) -> str:
     """Writes a lumpy ball 1 m in diameter with a flat foot; returns the file's path."""
     ball = trimesh.creation.icosphere(subdivisions=5, radius=0.5)
     waves = np.random.default_rng(seed).uniform(2.0, 6.0, 3)
-    points = ball.vertices * (0.8 + 0.2 * np.sin(ball.vertices @ np.diag(waves) * 3.0).mean(axis=1, keepdims=True))
+    points = ball.vertices * (
+        0.8 + 0.2 * np.sin(ball.vertices @ np.diag(waves) * 3.0).mean(axis=1, keepdims=True)
+    )
     points[:, 2] = np.maximum(points[:, 2], -FOOT)
     ball.vertices = points
     ball.export(path)

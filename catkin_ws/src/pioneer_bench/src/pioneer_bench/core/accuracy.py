@@ -67,12 +67,18 @@ MOTIONS: dict[str, tuple[Leg, ...]] = {
 
 def floor() -> Model:
     """Returns the ground."""
-    return Model("floor", static=True, links=(Link("link", collisions=(Collision("collision", Pose(), Plane()),)),))
+    return Model(
+        "floor",
+        static=True,
+        links=(Link("link", collisions=(Collision("collision", Pose(), Plane()),)),),
+    )
 
 
 def standing(name: str, pose: Pose, shape: Box | Cylinder) -> Model:
     """Returns a static model of one shape."""
-    return Model(name, pose, True, (Link("link", collisions=(Collision("collision", Pose(), shape),)),))
+    return Model(
+        name, pose, True, (Link("link", collisions=(Collision("collision", Pose(), shape),)),)
+    )
 
 
 def accuracy_rows(make: MakeSimulation, robot: Robot) -> Iterator[Row]:
@@ -109,7 +115,9 @@ def _gap(a: Pose, b: Pose) -> tuple[float, float]:
     return math.dist(a.position[:2], b.position[:2]), abs(math.remainder(a.yaw - b.yaw, math.tau))
 
 
-def motion_rows(make: MakeSimulation, robot: Robot, name: str, legs: tuple[Leg, ...]) -> Iterator[Row]:
+def motion_rows(
+    make: MakeSimulation, robot: Robot, name: str, legs: tuple[Leg, ...]
+) -> Iterator[Row]:
     """Yields the errors of the true motion against the command, and of the odometry against the truth."""
     trues, believeds = [], []
     for yaw in HEADINGS:
@@ -125,7 +133,9 @@ def motion_rows(make: MakeSimulation, robot: Robot, name: str, legs: tuple[Leg, 
     bound = PLACE_BOUND + PLACE_BOUND_PER_WAY * sum(abs(leg.speed) * leg.seconds for leg in legs)
     for what, gaps in (("truth from command", trues), ("odometry from truth", believeds)):
         yield _worst(f"{name}: {what}", "mm", [1e3 * place for place, _ in gaps], 1e3 * bound)
-        yield _worst(f"{name}: {what}", "mrad", [1e3 * turned for _, turned in gaps], 1e3 * HEADING_BOUND)
+        yield _worst(
+            f"{name}: {what}", "mrad", [1e3 * turned for _, turned in gaps], 1e3 * HEADING_BOUND
+        )
 
 
 def _worst(what: str, unit: str, samples: list[float], bound: float) -> Row:
@@ -137,7 +147,12 @@ def wall_rows(make: MakeSimulation, robot: Robot) -> Iterator[Row]:
 
     The depth is bounded by the distance that the robot drives in one step of the engine.
     """
-    for name, yaw in (("ahead", 0.0), ("at 30°", math.pi / 6), ("at 60°", math.pi / 3), ("backwards", math.pi)):
+    for name, yaw in (
+        ("ahead", 0.0),
+        ("at 30°", math.pi / 6),
+        ("at 60°", math.pi / 3),
+        ("backwards", math.pi),
+    ):
         simulation = make([standing("wall", Pose((2.0, 0.0, 0.5)), Box((0.1, 20.0, 1.0)))])
         entity = _placed(simulation, robot, Pose.from_rpy(yaw=yaw))
         height = simulation.pose(entity).position[2]
@@ -152,7 +167,10 @@ def wall_rows(make: MakeSimulation, robot: Robot) -> Iterator[Row]:
         assert entity.collisions.count, "the run was to meet the wall"
         step = FULL_SPEED * simulation.physics.step
         yield _worst(
-            f"wall {name} at {FULL_SPEED} m/s: depth in it", "mm", [1e3 * depth for depth in depths], 1e3 * step
+            f"wall {name} at {FULL_SPEED} m/s: depth in it",
+            "mm",
+            [1e3 * depth for depth in depths],
+            1e3 * step,
         )
         yield _worst(f"wall {name}: rise", "mm", [1e3 * rise for rise in rises], 5.0)
         yield _worst(f"wall {name}: farthest centre, wall at 1.95", "m", ways, 1.95)
@@ -182,49 +200,77 @@ def _room() -> list[Model]:
     (x, y), height = ROOM, Pose((0.0, 0.0, 0.5))
     walls = [((x + 0.1, 0.0), (0.2, 2 * y, 1.0)), ((-x - 0.1, 0.0), (0.2, 2 * y, 1.0))]
     walls += [((0.0, y + 0.1), (2 * x + 0.4, 0.2, 1.0)), ((0.0, -y - 0.1), (2 * x + 0.4, 0.2, 1.0))]
-    models = [standing(f"wall {k}", Pose((*at, 0.0)).compose(height), Box(size)) for k, (at, size) in enumerate(walls)]
-    return [*models, standing("pillar", Pose((*PILLAR[:2], 0.0)).compose(height), Cylinder(PILLAR[2], 1.0))]
+    models = [
+        standing(f"wall {k}", Pose((*at, 0.0)).compose(height), Box(size))
+        for k, (at, size) in enumerate(walls)
+    ]
+    return [
+        *models,
+        standing("pillar", Pose((*PILLAR[:2], 0.0)).compose(height), Cylinder(PILLAR[2], 1.0)),
+    ]
 
 
 def expected_ranges(x: float, y: float, angles: NDArray[np.float64]) -> NDArray[np.float64]:
     """Returns the exact distances [m] from a point in the room along ``angles`` [rad]."""
     dx, dy = np.cos(angles), np.sin(angles)
     with np.errstate(divide="ignore", invalid="ignore"):
-        to_walls = np.minimum((np.copysign(ROOM[0], dx) - x) / dx, (np.copysign(ROOM[1], dy) - y) / dy)
+        to_walls = np.minimum(
+            (np.copysign(ROOM[0], dx) - x) / dx, (np.copysign(ROOM[1], dy) - y) / dy
+        )
         ahead = (PILLAR[0] - x) * dx + (PILLAR[1] - y) * dy
         beside = (PILLAR[0] - x) ** 2 + (PILLAR[1] - y) ** 2 - ahead**2
-        to_pillar = np.where((ahead > 0) & (beside < PILLAR[2] ** 2), ahead - np.sqrt(PILLAR[2] ** 2 - beside), np.inf)
+        to_pillar = np.where(
+            (ahead > 0) & (beside < PILLAR[2] ** 2),
+            ahead - np.sqrt(PILLAR[2] ** 2 - beside),
+            np.inf,
+        )
     return np.minimum(to_walls, to_pillar)
 
 
 def laser_rows(make: MakeSimulation, robot: Robot) -> Iterator[Row]:
     """Yields the errors of noise-free scans against geometry, and of the noise against its parameters."""
-    laser = replace(robot.lasers[0], samples=720, min_angle=-3.1, max_angle=3.1, max_range=12.0, resolution=0.0)
+    laser = replace(
+        robot.lasers[0], samples=720, min_angle=-3.1, max_angle=3.1, max_range=12.0, resolution=0.0
+    )
     silent, noisy = (
-        replace(robot, devices=(*robot.drives, replace(laser, noise_stddev=noise))) for noise in (0.0, 0.02)
+        replace(robot, devices=(*robot.drives, replace(laser, noise_stddev=noise)))
+        for noise in (0.0, 0.02)
     )
     errors = []
     for x, y, yaw in ((0.0, 0.0, 0.0), (-3.0, 2.0, 0.7), (3.5, -2.5, 2.0), (0.5, 1.5, -2.5)):
         simulation = make(_room())
-        ranges, expected = _scan(simulation, _placed(simulation, silent, Pose.from_rpy(x, y, yaw=yaw)))
+        ranges, expected = _scan(
+            simulation, _placed(simulation, silent, Pose.from_rpy(x, y, yaw=yaw))
+        )
         errors.append(np.abs(ranges - expected))
     every = np.concatenate(errors)
     yield Row("laser, room with a pillar: mean error", "mm", (1e3 * float(every.mean()),), 0.5)
-    yield Row("laser, room with a pillar: 99 of 100 beams within", "mm", (1e3 * float(np.quantile(every, 0.99)),), 1.0)
+    yield Row(
+        "laser, room with a pillar: 99 of 100 beams within",
+        "mm",
+        (1e3 * float(np.quantile(every, 0.99)),),
+        1.0,
+    )
     simulation = make(_room())
     entity = _placed(simulation, noisy, Pose())
     _, expected = _scan(simulation, entity)
     noise = np.concatenate([_scan(simulation, entity)[0] - expected for _ in range(100)])
     noise = noise[np.abs(noise) < 0.2]  # a beam along the pillar's rim may miss it
     yield Row("laser noise of 20 mm: mean", "mm", (1e3 * abs(float(noise.mean())),), 0.5)
-    yield Row("laser noise of 20 mm: deviation off by", "mm", (1e3 * abs(float(noise.std()) - 0.02),), 0.2)
+    yield Row(
+        "laser noise of 20 mm: deviation off by", "mm", (1e3 * abs(float(noise.std()) - 0.02),), 0.2
+    )
 
 
-def _scan(simulation: Simulation, entity: Entity) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _scan(
+    simulation: Simulation, entity: Entity
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Returns the ranges of a scan [m], and the exact ones from its laser's position [m]."""
     mounted = entity.lasers[0]
     sensor = simulation.pose(entity).compose(mounted.pose)
     config = mounted.laser.config
-    angles = heading(sensor.rotation) + np.linspace(config.min_angle, config.max_angle, config.samples)
+    angles = heading(sensor.rotation) + np.linspace(
+        config.min_angle, config.max_angle, config.samples
+    )
     expected = expected_ranges(*sensor.position[:2], angles)
     return simulation.ranges(entity, mounted).copy(), expected

@@ -18,7 +18,9 @@ _DOOR = 1.2
 def _ends(generator: np.random.Generator) -> tuple[Pose, Pose]:
     """Returns a start on the left and a goal on the right."""
     here, there = generator.uniform(2.0, _HEIGHT - 2.0, 2)
-    return Pose(_BEFORE, float(here), float(generator.uniform(-math.pi, math.pi))), Pose(_BEHIND, float(there))
+    return Pose(_BEFORE, float(here), float(generator.uniform(-math.pi, math.pi))), Pose(
+        _BEHIND, float(there)
+    )
 
 
 def barrier(seed: int) -> Course:
@@ -40,7 +42,9 @@ def detour(seed: int) -> Course:
     gap = float(generator.uniform(1.3, 2.0))
     at_top = bool(generator.integers(2))
     hidden = wall(x, 0.0, x, _HEIGHT - gap) if at_top else wall(x, gap, x, _HEIGHT)
-    return Course(tuple(room(_LENGTH, _HEIGHT)), start, (goal, Pose(start.x, start.y)), hidden, limit=240.0)
+    return Course(
+        tuple(room(_LENGTH, _HEIGHT)), start, (goal, Pose(start.x, start.y)), hidden, limit=240.0
+    )
 
 
 def trap(seed: int) -> Course:
@@ -56,7 +60,9 @@ def trap(seed: int) -> Course:
         wall(bottom - depth, middle - half, bottom, middle - half),
         wall(bottom - depth, middle + half, bottom, middle + half),
     ])  # fmt: skip
-    return Course(tuple(room(_LENGTH, _HEIGHT)), start, (goal, Pose(start.x, start.y)), hidden, limit=240.0)
+    return Course(
+        tuple(room(_LENGTH, _HEIGHT)), start, (goal, Pose(start.x, start.y)), hidden, limit=240.0
+    )
 
 
 def shut_door(seed: int) -> Course:

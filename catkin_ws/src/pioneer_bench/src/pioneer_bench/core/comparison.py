@@ -137,7 +137,9 @@ def machine_of(report: Any, name: str) -> Machine:
             if not machine.time(part) > 0.0:
                 raise ValueError(part)
     except (KeyError, TypeError, ValueError):
-        raise ReportError(f"{name} does not carry the machine's speed: run the bench again with this version") from None
+        raise ReportError(
+            f"{name} does not carry the machine's speed: run the bench again with this version"
+        ) from None
     return machine
 
 
@@ -147,14 +149,18 @@ def figures_of(report: Mapping[str, Any]) -> dict[str, Figure]:
     for row in report.get("rows", ()):
         samples = tuple(row.get("samples", ()))
         if samples:
-            found[row["what"]] = _figure(samples, row["unit"], row.get("goal"), row.get("at_least", False))
+            found[row["what"]] = _figure(
+                samples, row["unit"], row.get("goal"), row.get("at_least", False)
+            )
     for setting, runs in report.items():
         if not isinstance(runs, list) or setting == "rows":
             continue
         for run in runs:
             name = f"{setting}, {run['robots']} robots"
             found[f"{name}: cost"] = _figure((run["cost"],), "CPU-s/sim-s", None, at_least=False)
-            found[f"{name}: first step"] = _figure((run["first_step"],), "CPU-s", None, at_least=False)
+            found[f"{name}: first step"] = _figure(
+                (run["first_step"],), "CPU-s", None, at_least=False
+            )
             found[f"{name}: memory"] = _figure((run["rss"],), "MB", None, at_least=False)
     return found
 
@@ -168,7 +174,9 @@ def _figure(samples: tuple[float, ...], unit: str, goal: float | None, at_least:
     return Figure(samples, unit, better, scale)
 
 
-def changes(old: Mapping[str, Any], new: Mapping[str, Any], names: Sequence[str] = ("OLD", "NEW")) -> list[Change]:
+def changes(
+    old: Mapping[str, Any], new: Mapping[str, Any], names: Sequence[str] = ("OLD", "NEW")
+) -> list[Change]:
     """Returns the figures that both reports have, in the new one's order.
 
     Raises:
@@ -184,7 +192,9 @@ def changes(old: Mapping[str, Any], new: Mapping[str, Any], names: Sequence[str]
         if name in before and before[name].unit == figure.unit
     ]
     if not found:
-        raise ReportError(f"{names[0]} and {names[1]} have no figure in common: are they of one bench?")
+        raise ReportError(
+            f"{names[0]} and {names[1]} have no figure in common: are they of one bench?"
+        )
     return found
 
 

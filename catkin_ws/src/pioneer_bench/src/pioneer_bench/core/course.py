@@ -26,7 +26,9 @@ class Change:
     x: float  #: place that the robot comes near [m]
     y: float
     distance: float  #: how near [m]
-    hidden: Section  #: what the map does not show from then on, in place of what it did not show before
+    hidden: (
+        Section  #: what the map does not show from then on, in place of what it did not show before
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,9 @@ def box(x_0: float, y_0: float, x_1: float, y_1: float) -> Section:
 def wall(x_0: float, y_0: float, x_1: float, y_1: float) -> Section:
     """Returns the outline of a wall along a line parallel to an axis [m]."""
     half = _THICKNESS / 2.0
-    return box(min(x_0, x_1) - half, min(y_0, y_1) - half, max(x_0, x_1) + half, max(y_0, y_1) + half)
+    return box(
+        min(x_0, x_1) - half, min(y_0, y_1) - half, max(x_0, x_1) + half, max(y_0, y_1) + half
+    )
 
 
 def room(width: float, height: float) -> list[Section]:
@@ -83,12 +87,16 @@ def clutter(seed: int, count: int = 30, side: float = 12.0, goals: int = 8) -> C
     circles: list[tuple[float, float, float]] = []
     while len(circles) < count:
         x, y, radius = generator.uniform((0.5, 0.5, 0.08), (side - 0.5, side - 0.5, 0.15))
-        if all(math.hypot(x - other[0], y - other[1]) - radius - other[2] > 0.9 for other in circles):
+        if all(
+            math.hypot(x - other[0], y - other[1]) - radius - other[2] > 0.9 for other in circles
+        ):
             circles.append((x, y, radius))
     places: list[Pose] = []
     while len(places) < goals + 1:
         x, y, yaw = generator.uniform((0.8, 0.8, -math.pi), (side - 0.8, side - 0.8, math.pi))
-        free = all(math.hypot(x - cx, y - cy) - radius > _ROOM_FOR_ROBOT for cx, cy, radius in circles)
+        free = all(
+            math.hypot(x - cx, y - cy) - radius > _ROOM_FOR_ROBOT for cx, cy, radius in circles
+        )
         if free and (not places or 3.0 < places[-1].distance(Pose(x, y)) < 9.0):
             places.append(Pose(x, y, yaw))
     hidden = Section(np.empty((0, 4)), np.array(circles).reshape(-1, 3))
@@ -153,7 +161,10 @@ def maze(seed: int, legs: int = 4, cells: int = 6) -> Course:
         else:
             walls.append(wall(col * pitch, row * pitch, (col + 1) * pitch, row * pitch))
     chosen = generator.permutation(cells * cells)[: legs + 1]
-    places = [Pose((index % cells + 0.5) * pitch, (index // cells + 0.5) * pitch) for index in map(int, chosen)]
+    places = [
+        Pose((index % cells + 0.5) * pitch, (index // cells + 0.5) * pitch)
+        for index in map(int, chosen)
+    ]
     start = Pose(places[0].x, places[0].y, float(generator.uniform(-math.pi, math.pi)))
     return Course(tuple(walls), start, tuple(places[1:]), limit=150.0 * legs)
 

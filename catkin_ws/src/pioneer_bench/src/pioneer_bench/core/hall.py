@@ -21,16 +21,29 @@ def starts() -> list[tuple[float, float]]:
     """Returns the possible start positions [m]: the centres of squares that no inner wall enters."""
     count = int(SIDE / SPACING)
     first = -SIDE / 2 + SPACING / 2
-    return [(first + column * SPACING, first + row * SPACING) for row in range(count) for column in range(count)]
+    return [
+        (first + column * SPACING, first + row * SPACING)
+        for row in range(count)
+        for column in range(count)
+    ]
 
 
 def world(seed: int) -> World:
     """Returns the hall; its inner walls lie on the lines between the starts, chosen by ``seed``."""
     half, long = SIDE / 2 + 0.05, SIDE + 0.2
-    walls = [(half, 0.0, math.pi / 2, long), (-half, 0.0, math.pi / 2, long), (0.0, half, 0.0, long)]
+    walls = [
+        (half, 0.0, math.pi / 2, long),
+        (-half, 0.0, math.pi / 2, long),
+        (0.0, half, 0.0, long),
+    ]
     walls.append((0.0, -half, 0.0, long))
     lines = int(SIDE / SPACING) - 1
-    sites = [(line, place, turned) for line in range(lines) for place in range(lines + 1) for turned in (False, True)]
+    sites = [
+        (line, place, turned)
+        for line in range(lines)
+        for place in range(lines + 1)
+        for turned in (False, True)
+    ]
     for line, place, turned in random.Random(seed).sample(sites, WALLS - len(walls)):
         across = -SIDE / 2 + (line + 1) * SPACING
         along = -SIDE / 2 + (place + 0.5) * SPACING

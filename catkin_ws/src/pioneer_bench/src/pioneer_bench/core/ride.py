@@ -102,7 +102,9 @@ class Body:
             found.append(float(_distances(starts, BODY, _EDGES).min()))
         centres = (self._circles[:, :2] - (pose.x, pose.y)) @ turn
         if len(centres):
-            found.append(float((_distances(centres, BODY, _EDGES).min(axis=1) - self._circles[:, 2]).min()))
+            found.append(
+                float((_distances(centres, BODY, _EDGES).min(axis=1) - self._circles[:, 2]).min())
+            )
         return min(found)
 
     def drive(self, command: Velocity, time: float) -> float:
@@ -130,7 +132,9 @@ class Body:
 _EDGES = np.roll(BODY, -1, axis=0) - BODY
 
 
-def _distances(points: NDArray[np.float64], starts: NDArray[np.float64], along: NDArray[np.float64]) -> Any:
+def _distances(
+    points: NDArray[np.float64], starts: NDArray[np.float64], along: NDArray[np.float64]
+) -> Any:
     """Returns the distances [m] of (n, 2) points from m segments, shape (n, m)."""
     offset = points[:, None, :] - starts[None]
     length = np.maximum((along**2).sum(axis=1), 1e-12)
@@ -158,7 +162,9 @@ class Rider:
             ``1 + jitter`` times as long.
     """
 
-    def __init__(self, course: Course, parameters: Mapping[str, Any], seed: int = 0, jitter: float = 0.0) -> None:
+    def __init__(
+        self, course: Course, parameters: Mapping[str, Any], seed: int = 0, jitter: float = 0.0
+    ) -> None:
         setup = setup_from_parameters(parameters, "move_base")
         self._course, self._setup = course, setup
         self.body = Body(course)
@@ -192,7 +198,10 @@ class Rider:
     def _change(self, leg: int) -> None:
         """Carries out the changes that the robot has come near enough for."""
         for change in list(self._changes):
-            if change.leg == leg and self.body.pose.distance(Pose(change.x, change.y)) < change.distance:
+            if (
+                change.leg == leg
+                and self.body.pose.distance(Pose(change.x, change.y)) < change.distance
+            ):
                 self._changes.remove(change)
                 standing = Section.joined([*self._course.walls, change.hidden])
                 self._index = WallIndex(standing)
@@ -263,14 +272,19 @@ class Rider:
         """Returns the laser's pose at the last scan and the scan's points, for a robot at ``pose``."""
         cosine, sine = math.cos(pose.yaw), math.sin(pose.yaw)
         x, y = pose.apply(_LASER_X, 0.0)
-        points = np.ascontiguousarray(self._points @ np.array([[cosine, sine], [-sine, cosine]]) + (x, y))
+        points = np.ascontiguousarray(
+            self._points @ np.array([[cosine, sine], [-sine, cosine]]) + (x, y)
+        )
         return Pose(x, y, pose.yaw), points
 
     def _update(self, costmap: Costmap, pose: Pose) -> None:
         sensor, points = self._seen(self._scanned[costmap is self._local])
         layers = [layer for layer in costmap.config.layers if isinstance(layer, ObstacleConfig)]
         sources = [source for layer in layers for source in layer.sources]
-        costmap.update(pose, [Observation(source, sensor.x, sensor.y, points, sensor.yaw) for source in sources])
+        costmap.update(
+            pose,
+            [Observation(source, sensor.x, sensor.y, points, sensor.yaw) for source in sources],
+        )
 
     def _scan(self) -> None:
         pose = self.body.pose
@@ -278,7 +292,9 @@ class Rider:
         step = math.tau / (_BEAMS - 1)
         self._index.cast(Sensor(x, y, pose.yaw), Fan(-math.pi, step, _REACH), self._ranges)
         seen = self._ranges < _REACH
-        noisy = np.where(seen, self._ranges + self._generator.normal(0.0, _NOISE, _BEAMS), np.inf).astype(np.float32)
+        noisy = np.where(
+            seen, self._ranges + self._generator.normal(0.0, _NOISE, _BEAMS), np.inf
+        ).astype(np.float32)
         self._points = points_from_ranges(noisy, -math.pi, step, 0.1, _REACH, False)[:, :2]
         self._scanned = pose, self.body.odom
 

@@ -47,7 +47,10 @@ def markdown(lines: Sequence[Sequence[str]], right: bool = False) -> str:
     """Returns rows of cells, headings first, as a Markdown table; ``right`` aligns the cells to the right."""
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     head, *rest = (
-        " | ".join(f"{text:{'>' if right else '<'}{width}}" for text, width in zip(line, widths, strict=True))
+        " | ".join(
+            f"{text:{'>' if right else '<'}{width}}"
+            for text, width in zip(line, widths, strict=True)
+        )
         for line in lines
     )
     rule = "|".join("-" * (width + 1) + (":" if right else "-") for width in widths)
@@ -56,12 +59,26 @@ def markdown(lines: Sequence[Sequence[str]], right: bool = False) -> str:
 
 def _cells(row: Row) -> tuple[str, ...]:
     if row.median is None:
-        return row.what, "-", row.remark, row.unit, "" if row.goal is None else _number(row.goal), "no"
+        return (
+            row.what,
+            "-",
+            row.remark,
+            row.unit,
+            "" if row.goal is None else _number(row.goal),
+            "no",
+        )
     span = f"{_number(min(row.samples))} … {_number(max(row.samples))}"
     goal = "" if row.goal is None else f"{'≥' if row.at_least else '≤'} {_number(row.goal)}"
     if goal and row.remark:
         goal += f" ({row.remark})"
-    return row.what, _number(row.median), span, row.unit, goal, {None: "", True: "yes", False: "no"}[row.holds]
+    return (
+        row.what,
+        _number(row.median),
+        span,
+        row.unit,
+        goal,
+        {None: "", True: "yes", False: "no"}[row.holds],
+    )
 
 
 def _number(value: float) -> str:

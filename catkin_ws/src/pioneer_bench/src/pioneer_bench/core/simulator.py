@@ -19,7 +19,9 @@ class Rates:
     other_rate: float = 0.0  #: of joint states and ground truth [Hz]; 0: without subscribers
     clock_rate: float = 100.0  #: of ``/clock`` [Hz]
     real_time_factor: float = 1.0  #: to hold; 0: as fast as possible
-    goals: dict[int, float] = field(default_factory=dict)  #: greatest CPU-s a simulated second, by number of robots
+    goals: dict[int, float] = field(
+        default_factory=dict
+    )  #: greatest CPU-s a simulated second, by number of robots
     least_factor: float | None = None  #: least real-time factor
     #: cost of the peer, CPU-s a simulated second, by number of robots
     peers: dict[int, float] = field(default_factory=dict)
@@ -27,7 +29,9 @@ class Rates:
 
 
 _GAZEBO = "Gazebo Classic 11.1 at its default step, publishing nothing"
-_STAGE = "Stage (2-D, no wheels, no contacts), every topic subscribed; the goal is 1.5 times its cost"
+_STAGE = (
+    "Stage (2-D, no wheels, no contacts), every topic subscribed; the goal is 1.5 times its cost"
+)
 
 SETTINGS = {
     "fleet": Rates(
@@ -111,7 +115,9 @@ class Run:
 
     def as_dict(self) -> dict[str, Any]:
         """Returns the run and its goals for JSON."""
-        goals = {name: {"goal": goal, "holds": holds} for name, (goal, holds) in self.goals().items()}
+        goals = {
+            name: {"goal": goal, "holds": holds} for name, (goal, holds) in self.goals().items()
+        }
         return {**asdict(self), "cost": self.cost, "factor": self.factor, "goals": goals}
 
 

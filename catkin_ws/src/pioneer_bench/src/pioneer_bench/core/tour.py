@@ -74,19 +74,48 @@ def tour_rows(condition: Condition, tours: Sequence[Tour]) -> list[Row]:
         return tuple(float(getattr(tour, name)) for tour in tours)
 
     rows = [
-        Row(f"{title}: waypoints reached", "", (sum(samples("reached")),), sum(samples("waypoints")), True, "all"),
+        Row(
+            f"{title}: waypoints reached",
+            "",
+            (sum(samples("reached")),),
+            sum(samples("waypoints")),
+            True,
+            "all",
+        ),
         Row(f"{title}: collisions", "", (sum(samples("collisions")),), 0.0),
         Row(f"{title}: time of a tour", "s", samples("seconds")),
         Row(f"{title}: way of a tour", "m", samples("way")),
         Row(f"{title}: speed on the way", "m/s", tuple(tour.way / tour.seconds for tour in tours)),
-        Row(f"{title}: way over the shortest", "", tuple(tour.way / tour.shortest for tour in tours)),
+        Row(
+            f"{title}: way over the shortest", "", tuple(tour.way / tour.shortest for tour in tours)
+        ),
         Row(f"{title}: least clearance of base_link", "m", samples("clearance")),
-        Row(f"{title}: error, mean", "m", samples("error_mean"), condition.mean, False, _peer(mean_peer), True),
-        Row(f"{title}: error, p95", "m", samples("error_p95"), condition.p95, False, _peer(p95_peer), True),
+        Row(
+            f"{title}: error, mean",
+            "m",
+            samples("error_mean"),
+            condition.mean,
+            False,
+            _peer(mean_peer),
+            True,
+        ),
+        Row(
+            f"{title}: error, p95",
+            "m",
+            samples("error_p95"),
+            condition.p95,
+            False,
+            _peer(p95_peer),
+            True,
+        ),
         Row(f"{title}: error, greatest", "m", samples("error_max")),
     ]
     maps = tuple(tour.map_iou for tour in tours if tour.map_iou is not None)
-    return [*rows, *_cost_rows(condition, tours), *([Row(f"{title}: map IoU", "", maps)] if maps else [])]
+    return [
+        *rows,
+        *_cost_rows(condition, tours),
+        *([Row(f"{title}: map IoU", "", maps)] if maps else []),
+    ]
 
 
 def _cost_rows(condition: Condition, tours: Sequence[Tour]) -> Iterator[Row]:

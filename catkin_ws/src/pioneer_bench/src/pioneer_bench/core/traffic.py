@@ -74,7 +74,9 @@ def seconds_alone(space: FreeSpace, roadmap: Roadmap, start: Point, tour: Sequen
     """Returns how long a robot alone on the floor takes for a tour [s]; it drives straight wherever that is free."""
     body, steps = Body(*start), 0
     for waypoint in tour:
-        route = _shortened(space, [body.position, *_way(roadmap, body.position, waypoint), waypoint])[1:]
+        route = _shortened(
+            space, [body.position, *_way(roadmap, body.position, waypoint), waypoint]
+        )[1:]
         while math.dist(body.position, waypoint) > _ARRIVED:
             while len(route) > 1 and math.dist(body.position, route[0]) < _ARRIVED:
                 route.pop(0)
@@ -94,7 +96,10 @@ def _way(roadmap: Roadmap, start: Point, goal: Point) -> list[Point]:
         known.add(place)
         before[place] = previous
         for other in roadmap.neighbours[place]:
-            heapq.heappush(heap, (length + math.dist(roadmap.places[place], roadmap.places[other]), other, place))
+            heapq.heappush(
+                heap,
+                (length + math.dist(roadmap.places[place], roadmap.places[other]), other, place),
+            )
     way = [target]
     while way[-1] != source:
         way.append(before[way[-1]])
@@ -105,7 +110,11 @@ def _shortened(space: FreeSpace, points: list[Point]) -> list[Point]:
     """Returns the path without the points that a straight line can bypass."""
     kept, index = [points[0]], 0
     while index < len(points) - 1:
-        seen = (last for last in range(len(points) - 1, index + 1, -1) if _sees(space, points[index], points[last]))
+        seen = (
+            last
+            for last in range(len(points) - 1, index + 1, -1)
+            if _sees(space, points[index], points[last])
+        )
         index = next(seen, index + 1)
         kept.append(points[index])
     return kept

@@ -74,7 +74,9 @@ class Connection(HubConnection):
 
 def _encoded(command: tuple[object, ...]) -> bytes:
     words = [word if isinstance(word, bytes) else str(word).encode() for word in command]
-    return b"*%d\r\n" % len(words) + b"".join(b"$%d\r\n%s\r\n" % (len(word), word) for word in words)
+    return b"*%d\r\n" % len(words) + b"".join(
+        b"$%d\r\n%s\r\n" % (len(word), word) for word in words
+    )
 
 
 @dataclass
@@ -107,7 +109,10 @@ class Crowd:
         names = [f"crowd{number:05d}" for number in range(size)]
         access = Access(password_from(""))
         for number, name in enumerate(names):
-            ends = [Connection(access, host="127.0.0.1", port=port, socket_timeout=10.0) for _ in range(2)]
+            ends = [
+                Connection(access, host="127.0.0.1", port=port, socket_timeout=10.0)
+                for _ in range(2)
+            ]
             for end in ends:
                 end.connect()
             self._members[name] = Member(name, names[(number + 1) % size], *ends)
@@ -126,7 +131,9 @@ class Crowd:
         while any(member.answered < 1 for member in self._members.values()):
             if time.monotonic() - began > patience:
                 late = sum(member.answered < 1 for member in self._members.values())
-                raise OSError(f"{late} of {len(self._members)} gateways have no answers after {patience:g} s")
+                raise OSError(
+                    f"{late} of {len(self._members)} gateways have no answers after {patience:g} s"
+                )
             self.turn(0.05)
         return time.monotonic() - began
 
@@ -154,7 +161,11 @@ class Crowd:
         # Send all heartbeats before waiting for a reply: gateways on separate machines would not wait for one another.
         for member in due:
             alive = alive_key(member.name)
-            life = ("GET", alive), ("SISMEMBER", GATEWAYS_KEY, member.name), ("PEXPIRE", alive, ALIVE)
+            life = (
+                ("GET", alive),
+                ("SISMEMBER", GATEWAYS_KEY, member.name),
+                ("PEXPIRE", alive, ALIVE),
+            )
             member.speech.send(("MULTI",), *life, ("EXEC",))
         for member in due:
             *_, replies = (member.speech.read_response() for _ in range(5))
@@ -164,7 +175,9 @@ class Crowd:
     def _join(self, member: Member) -> None:
         name, speech = member.name, member.speech
         member.events.ask(("SUBSCRIBE", GATEWAYS_KEY), ("SUBSCRIBE", requests_key(name)))
-        flips = tuple(RemoteRule(member.onward, Rule(Kind.PUBLISHER, topic)) for topic in self._topics(member))
+        flips = tuple(
+            RemoteRule(member.onward, Rule(Kind.PUBLISHER, topic)) for topic in self._topics(member)
+        )
         record = text_from_record(Record(name, "instance", "127.0.0.1", 9, flips=flips))
         _, present = speech.ask(("MGET", NAME_KEY, PROTOCOL_KEY), ("SMEMBERS", GATEWAYS_KEY))
         speech.ask(
@@ -194,7 +207,9 @@ class Crowd:
         return [f"/{member.name}/topic{number}_{member.changes}" for number in range(self._rules)]
 
     def _offer(self, member: Member) -> None:
-        offers = tuple(Offer(one, "std_msgs/String", "/node", Purpose.FLIP) for one in self._topics(member))
+        offers = tuple(
+            Offer(one, "std_msgs/String", "/node", Purpose.FLIP) for one in self._topics(member)
+        )
         self._write(member, member.onward, PeerRequest(offers=offers))
 
     def _write(self, member: Member, receiver: str, request: PeerRequest) -> None:
@@ -213,7 +228,11 @@ class Crowd:
             taken = event.end()
             if channel == requests_key(member.name).encode() and said:
                 self._take_request(member, said.decode())
-            elif channel == GATEWAYS_KEY.encode() and member.onward.encode() in said and b'"joined"' in said:
+            elif (
+                channel == GATEWAYS_KEY.encode()
+                and member.onward.encode() in said
+                and b'"joined"' in said
+            ):
                 self._meet(member)
         member.rest = data[taken:]
 
@@ -221,7 +240,9 @@ class Crowd:
         (texts,) = member.speech.ask(("HMGET", requests_key(member.name), sender))
         request = request_from_text(texts[0])
         if request.offers:
-            replies = tuple(Reply(Kind.PUBLISHER, one.topic, one.node, "active") for one in request.offers)
+            replies = tuple(
+                Reply(Kind.PUBLISHER, one.topic, one.node, "active") for one in request.offers
+            )
             self._write(member, sender, PeerRequest(replies=replies))
         elif {one.topic for one in request.replies} == set(self._topics(member)):
             member.answered += 1

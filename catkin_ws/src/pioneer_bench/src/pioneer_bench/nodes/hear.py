@@ -72,7 +72,9 @@ def main() -> int:
     """Entry point."""
     topic, *seconds = rospy.myargv(sys.argv)[1:]
     # Several instances may run on one master.
-    return entry.run(f"hear_{os.getpid()}", lambda: Hearer(topic, float(seconds[0]) if seconds else None))
+    return entry.run(
+        f"hear_{os.getpid()}", lambda: Hearer(topic, float(seconds[0]) if seconds else None)
+    )
 
 
 if __name__ == "__main__":

@@ -77,7 +77,9 @@ class Driver:
     def __init__(self, name: str, tally: Tally) -> None:
         self._command = rospy.Publisher(f"/{name}/pioneer/cmd_vel", Twist, queue_size=1)
         self._count = tally.counter(f"/{name}/base_scan")
-        rospy.Subscriber(f"/{name}/base_scan", rospy.AnyMsg, self._steer, queue_size=5, tcp_nodelay=True)
+        rospy.Subscriber(
+            f"/{name}/base_scan", rospy.AnyMsg, self._steer, queue_size=5, tcp_nodelay=True
+        )
 
     def _steer(self, message: Any) -> None:
         self._count(message)
@@ -87,12 +89,17 @@ class Driver:
         (count,) = struct.unpack_from("<I", data, start)
         ranges = np.frombuffer(data, "<f4", count, start + 4)
         ahead = ranges[count * 3 // 8 : count * 5 // 8].min()
-        right, left = ranges[count // 4 : count // 2].min(), ranges[count // 2 : count * 3 // 4].min()
+        right, left = (
+            ranges[count // 4 : count // 2].min(),
+            ranges[count // 2 : count * 3 // 4].min(),
+        )
         command = Twist()
         command.linear.x = 0.5 if ahead > 0.9 else 0.0
         if ahead <= 0.9:
             command.angular.z = 1.0 if left > right else -1.0
-        with contextlib.suppress(rospy.ROSException):  # scans still arrive while the node shuts down
+        with contextlib.suppress(
+            rospy.ROSException
+        ):  # scans still arrive while the node shuts down
             self._command.publish(command)
 
 
@@ -124,9 +131,13 @@ class Bench:
         for name in names:
             for topic in ("odom", *(OTHER_TOPICS if self._rates.other_rate else ())):
                 full = f"/{name}/{topic}"
-                rospy.Subscriber(full, rospy.AnyMsg, self._tally.counter(full), queue_size=5, tcp_nodelay=True)
+                rospy.Subscriber(
+                    full, rospy.AnyMsg, self._tally.counter(full), queue_size=5, tcp_nodelay=True
+                )
             Driver(name, self._tally)
-        rospy.Subscriber("/tf", rospy.AnyMsg, self._tally.counter("/tf"), queue_size=5, tcp_nodelay=True)
+        rospy.Subscriber(
+            "/tf", rospy.AnyMsg, self._tally.counter("/tf"), queue_size=5, tcp_nodelay=True
+        )
         wait_until(lambda: all(self._tally.counts.values()), "a message of every topic", PATIENCE)
         return {"first_step": first_step, **self._measured(seconds)}
 
@@ -145,7 +156,9 @@ class Bench:
         for number, (x, y) in enumerate(hall.starts()[: self._robots], start=1):
             name = f"pioneer{number}"
             rospy.set_param(f"/{name}/tf_prefix", name)
-            answer = spawn(name, description, name, Pose(Point(x, y, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0)), "")
+            answer = spawn(
+                name, description, name, Pose(Point(x, y, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0)), ""
+            )
             if not answer.success:
                 raise RuntimeError(answer.status_message)
             names.append(name)

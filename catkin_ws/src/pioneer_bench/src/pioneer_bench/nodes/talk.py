@@ -59,7 +59,9 @@ class Talker:
         self._demand = Demand()
         entry.on_shutdown(self._demand.end)
         self._head, self._body = struct.pack("<III", 0, 0, size), bytes(size - STAMP.size)
-        self._publisher = rospy.Publisher(topic, Raw, self._demand, tcp_nodelay=True, queue_size=queue or None)
+        self._publisher = rospy.Publisher(
+            topic, Raw, self._demand, tcp_nodelay=True, queue_size=queue or None
+        )
         self._period = 1 / rate if rate else 0.0
         print(time.monotonic(), flush=True)
 

@@ -143,7 +143,10 @@ class TourNode:
                 return stuck_report(self._fleet, limit).replace("\n", " ")
             if self._robot.current > told:
                 told = self._robot.current
-                print(f"waypoint {told} of {len(self._robot.visits)} after {now - self._fleet.began:.0f} s", flush=True)
+                print(
+                    f"waypoint {told} of {len(self._robot.visits)} after {now - self._fleet.began:.0f} s",
+                    flush=True,
+                )
             with self._group.changed:
                 self._group.changed.wait(SAMPLE)
         return ""
@@ -152,7 +155,9 @@ class TourNode:
         self._group.sample(self._account)
         return {name: usage.cpu for name, usage in self._account.usage().items()}
 
-    def _tour(self, floor: Floor, map_file: Path, wall: float, before: dict[str, float], fault: str) -> Tour:
+    def _tour(
+        self, floor: Floor, map_file: Path, wall: float, before: dict[str, float], fault: str
+    ) -> Tour:
         robot, seconds = self._robot, self._fleet.simulator.time - self._fleet.began
         cpu = {name: (used - before.get(name, 0.0)) / seconds for name, used in self._cpu().items()}
         mean, p95, greatest = robot.error_statistics()
@@ -179,7 +184,9 @@ class TourNode:
     def _map_iou(self, map_file: Path) -> float | None:
         if not self._condition.mapping:
             return None
-        return map_quality.agreement(grid_from_message(self._map), read_map(map_file), _planar(self._start))
+        return map_quality.agreement(
+            grid_from_message(self._map), read_map(map_file), _planar(self._start)
+        )
 
 
 def _planar(pose: Pose) -> navigation.Pose:
@@ -211,7 +218,12 @@ def main(argv: list[str]) -> int:
     with Master() as master, ProcessGroup() as group:
         os.environ.update(master.environment)
         log = master.home / "roslaunch.log"
-        command = ["roslaunch", "pioneer_bench", "one_robot.launch", *(f"{k}:={v}" for k, v in arguments.items())]
+        command = [
+            "roslaunch",
+            "pioneer_bench",
+            "one_robot.launch",
+            *(f"{k}:={v}" for k, v in arguments.items()),
+        ]
         group.start("roslaunch", command, master.environment, log)
         rospy.init_node("pioneer_bench", disable_signals=True, disable_rostime=True)
         try:

@@ -45,7 +45,9 @@ def main() -> int:
     config = json.loads(sys.argv[1])
     robot = robot_from_urdf(pioneer_urdf(laser_noise=0))
     with tempfile.TemporaryDirectory() as folder:
-        os.environ["XDG_CACHE_HOME"] = folder  # an empty cache, so that every run reduces the meshes
+        os.environ["XDG_CACHE_HOME"] = (
+            folder  # an empty cache, so that every run reduces the meshes
+        )
         print(json.dumps(_figures(config["world"], config["robots"], robot, Path(folder))))
     return 0
 
@@ -89,14 +91,21 @@ def are_true(errors: NDArray[np.float64]) -> bool:
 
 def _spawned(simulation: Simulation, robot: Robot, robots: int) -> list[Entity]:
     """Spawns robots at free places of a grid, from the centre outwards."""
-    places = sorted(((x * 1.5, y * 1.5) for x in range(-8, 9) for y in range(-8, 9)), key=lambda p: math.hypot(*p))
+    places = sorted(
+        ((x * 1.5, y * 1.5) for x in range(-8, 9) for y in range(-8, 9)),
+        key=lambda p: math.hypot(*p),
+    )
     simulation.spawn_search = 0.0
     entities: list[Entity] = []
     for x, y in places:
         if len(entities) == robots:
             break
         try:
-            entities.append(simulation.add_robot(f"r{len(entities)}", f"r{len(entities)}", robot, Pose((x, y, 0.0))))
+            entities.append(
+                simulation.add_robot(
+                    f"r{len(entities)}", f"r{len(entities)}", robot, Pose((x, y, 0.0))
+                )
+            )
         except ModelError:
             continue  # occupied: try the next place
     return entities
@@ -105,7 +114,12 @@ def _spawned(simulation: Simulation, robot: Robot, robots: int) -> list[Entity]:
 def _errors(simulation: Simulation, robots: list[Entity], world: World) -> NDArray[np.float64]:
     """Returns the range errors [m] of all robots' beams; see `range_errors`."""
     standing = [(one.collision.shape, one.pose) for one in world.collisions(static_only=True)]
-    loose = [shape for one in simulation.entities() if one not in robots for shape in _shapes(simulation, one)]
+    loose = [
+        shape
+        for one in simulation.entities()
+        if one not in robots
+        for shape in _shapes(simulation, one)
+    ]
     scenery: dict[float, trimesh.Trimesh] = {}
     errors = [np.empty(0)]
     for entity in robots:
@@ -118,7 +132,10 @@ def _errors(simulation: Simulation, robots: list[Entity], world: World) -> NDArr
         height, eye = round(sensor.position[2], 4), np.array(sensor.position)
         if height not in scenery:
             scenery[height] = mesh_at(height, standing + loose)
-        others = mesh_at(height, [one for other in robots if other is not entity for one in _shapes(simulation, other)])
+        others = mesh_at(
+            height,
+            [one for other in robots if other is not entity for one in _shapes(simulation, other)],
+        )
         truth = np.minimum(distances(scenery[height], eye, beams), distances(others, eye, beams))
         errors.append(range_errors(ranges, truth, config.min_range, config.max_range))
     return np.concatenate(errors)

@@ -59,7 +59,9 @@ class Cluster:
         self._session = uuid.uuid4().hex
         place = f"the scheduler at {scheduler}" if scheduler else f"{jobs} workers on this machine"
         try:
-            self.workers = _bounded(lambda: self._connect(jobs, scratch), f"{place}: no start", _START, interrupt)
+            self.workers = _bounded(
+                lambda: self._connect(jobs, scratch), f"{place}: no start", _START, interrupt
+            )
         except BaseException:
             self._close()
             raise
@@ -79,11 +81,17 @@ class Cluster:
         try:
             self._client.wait_for_workers(1, timeout=_ANSWER)
         except TimeoutError:
-            raise ClusterError(f"the scheduler at {self._scheduler} has no workers; start one: dask worker") from None
+            raise ClusterError(
+                f"the scheduler at {self._scheduler} has no workers; start one: dask worker"
+            ) from None
         return len(self._client.ncores())
 
     def results(
-        self, program: Sequence[str], scenarios: Mapping[Run, str], keep: Mapping[Run, str], poll: float
+        self,
+        program: Sequence[str],
+        scenarios: Mapping[Run, str],
+        keep: Mapping[Run, str],
+        poll: float,
     ) -> Iterator[tuple[Run, dict[str, Any] | str] | None]:
         """Executes all runs; yields each with its row, or an error text if it failed.
 
@@ -99,7 +107,15 @@ class Cluster:
             key = f"{run.name}-{self._session}"
             runs[key] = run
             future = self._client.submit(
-                run_scenario, list(program), scenario, run, keep[run], key=key, pure=False, priority=-number, retries=0
+                run_scenario,
+                list(program),
+                scenario,
+                run,
+                keep[run],
+                key=key,
+                pure=False,
+                priority=-number,
+                retries=0,
             )
             self._futures.append(future)
             future.add_done_callback(done.put)
@@ -126,7 +142,9 @@ class Cluster:
         if self._client.scheduler_info()["workers"]:
             return now
         if now - seen > _NO_WORKER:
-            raise ClusterError(f"no worker has been connected for {_NO_WORKER:g} s; the same command continues")
+            raise ClusterError(
+                f"no worker has been connected for {_NO_WORKER:g} s; the same command continues"
+            )
         return seen
 
     def __enter__(self) -> "Cluster":
@@ -186,6 +204,8 @@ def _outcome(future: distributed.Future) -> dict[str, Any] | str:
         return "the connection to the scheduler was lost"
     try:
         error = future.exception(timeout=_ANSWER)
-        return future.result(timeout=_ANSWER) if error is None else f"{type(error).__name__}: {error}"
+        return (
+            future.result(timeout=_ANSWER) if error is None else f"{type(error).__name__}: {error}"
+        )
     except TimeoutError:
         return f"its worker did not send the result within {_ANSWER:g} s"

@@ -57,7 +57,11 @@ def enter(words: Sequence[str]) -> None:
         _ip("link", "set", "lo", "up")
         return
     prefix = apart()
-    os.execvpe(prefix[0], [*prefix, sys.executable, "-m", "pioneer_demo", *words], {**os.environ, _OWN: "1"})
+    os.execvpe(
+        prefix[0],
+        [*prefix, sys.executable, "-m", "pioneer_demo", *words],
+        {**os.environ, _OWN: "1"},
+    )
 
 
 class Networks:
@@ -82,7 +86,9 @@ class Networks:
         assert self._program.stdout, "it is a pipe"
         assert self._program.stderr, "it is a pipe"
         if not (line := self._program.stdout.readline()):
-            raise NetworkError(f"the robots' networks cannot be set up: {self._program.stderr.read().strip()[-500:]}")
+            raise NetworkError(
+                f"the robots' networks cannot be set up: {self._program.stderr.read().strip()[-500:]}"
+            )
         self._holders = json.loads(line)
 
     def placed(self, robot: str, argv: Sequence[str]) -> list[str]:
@@ -95,7 +101,10 @@ class Networks:
         """Returns additional environment variables for processes on a robot's computer."""
         if not self._holders:
             return {}
-        return {**self._shared, **({"ROS_IP": _address(self._robots.index(robot))} if robot in self._holders else {})}
+        return {
+            **self._shared,
+            **({"ROS_IP": _address(self._robots.index(robot))} if robot in self._holders else {}),
+        }
 
     def set(self, robot: str, condition: Condition) -> None:
         """Sets the condition of a robot's link.
@@ -179,7 +188,9 @@ def _carry(robots: Sequence[str]) -> None:
     print(json.dumps(holders), flush=True)
     while True:
         due = [way.due for _, way in ways.values() if way.due is not None]
-        ready, _, _ = select.select([0, *ways], [], [], max(0.0, min(due) - time.monotonic()) if due else None)
+        ready, _, _ = select.select(
+            [0, *ways], [], [], max(0.0, min(due) - time.monotonic()) if due else None
+        )
         now = time.monotonic()
         for file in ready:
             if file:

@@ -84,9 +84,17 @@ class FleetProcesses:
         ros = self._log.resolve() / "ros"
         home = {"ROS_HOME": str(ros), "ROS_LOG_DIR": str(ros / "log")}
         robot = command.environment.get("ROBOT_NAME", "")
-        environment = {**_SINGLE, **os.environ, **home, **command.environment, **self.networks.environment(robot)}
+        environment = {
+            **_SINGLE,
+            **os.environ,
+            **home,
+            **command.environment,
+            **self.networks.environment(robot),
+        }
         argv = self.networks.placed(robot, _found(command.argv))
-        self._pids[command.name] = self.group.start(command.name, argv, environment, self._log_of(command), may_end)
+        self._pids[command.name] = self.group.start(
+            command.name, argv, environment, self._log_of(command), may_end
+        )
 
     def _log_of(self, command: Command) -> Path:
         return self._log / f"{re.sub(r'[^A-Za-z0-9_]+', '-', command.name)}.log"
@@ -182,11 +190,17 @@ def _found(argv: Sequence[str]) -> Sequence[str]:
 def _told(death: NodeDeath, launch_log: Path) -> tuple[str, str]:
     """Returns a node's death with the last lines of its logs, and one line: its exit code and the last error."""
     # Screen output, such as a traceback, is in roslaunch's own log; the rest is in the node's log file.
-    ends = {path: last_lines(path) for path in [*map(Path, sorted(glob.glob(death.log))), launch_log]}
+    ends = {
+        path: last_lines(path) for path in [*map(Path, sorted(glob.glob(death.log))), launch_log]
+    }
     how = "" if death.status is None else f", exit code {death.status}"
-    text = "\n".join(f"  the last lines of {path}:\n{lines}" for path, lines in ends.items() if lines)
+    text = "\n".join(
+        f"  the last lines of {path}:\n{lines}" for path, lines in ends.items() if lines
+    )
     reason = how.removeprefix(", ") or "no exit code"
-    errors = [plain(line).strip() for line in "\n".join(ends.values()).splitlines() if _ERROR.search(line)]
+    errors = [
+        plain(line).strip() for line in "\n".join(ends.values()).splitlines() if _ERROR.search(line)
+    ]
     return (
         f"{death.name} (pid {death.pid}) has died{how}\n{text}",
         f"{reason}: {errors[-1]}" if errors else reason,

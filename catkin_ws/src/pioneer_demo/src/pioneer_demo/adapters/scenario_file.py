@@ -62,9 +62,15 @@ def scenario_of(content: Any, path: Path, lines: dict[Place, int]) -> Scenario:
     except DocumentError as error:
         raise located(error, path, lines) from None
     try:
-        world = file_named(said.world, path, "world") if said.world.endswith(".world") else said.world
+        world = (
+            file_named(said.world, path, "world") if said.world.endswith(".world") else said.world
+        )
         navigation = file_named(said.navigation, path, "navigation")
-        robots = said.robots if isinstance(said.robots, int) else tuple(with_files(one, path) for one in said.robots)
+        robots = (
+            said.robots
+            if isinstance(said.robots, int)
+            else tuple(with_files(one, path) for one in said.robots)
+        )
     except FleetFileError as error:
         raise DocumentError(str(error)) from None
     scenario = dataclasses.replace(said, world=world, navigation=navigation, robots=robots)
@@ -85,7 +91,11 @@ def _check_places(scenario: Scenario) -> None:
         return
     # Robots of other kinds have footprints of their own, which only their navigation knows.
     pioneers = not any(robot.description or robot.navigation for robot in scenario.robots)
-    if not pioneers or scenario.navigation or not any(robot.goals or robot.pose for robot in scenario.robots):
+    if (
+        not pioneers
+        or scenario.navigation
+        or not any(robot.goals or robot.pose for robot in scenario.robots)
+    ):
         return
     from pioneer_demo.adapters.map_file import floor_from_file
     from pioneer_demo.core.place import check_places
@@ -93,7 +103,9 @@ def _check_places(scenario: Scenario) -> None:
     floor = floor_from_file(map_files(scenario.world)[1])
     if floor is None:
         return
-    starts = [(robot.pose["x"], robot.pose["y"]) if robot.pose else None for robot in scenario.robots]
+    starts = [
+        (robot.pose["x"], robot.pose["y"]) if robot.pose else None for robot in scenario.robots
+    ]
     goals = [[(goal[0], goal[1]) for goal in robot.goals] for robot in scenario.robots]
     check_places(floor.cropped(), starts, goals)
 

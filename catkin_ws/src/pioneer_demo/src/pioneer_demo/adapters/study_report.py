@@ -48,7 +48,9 @@ for (const head of document.querySelectorAll("th")) head.onclick = () => {{
 _NOTHING = "–"
 
 
-def write_report(study: Study, rows: list[dict[str, Any]], folder: Path, name: str, command: str) -> None:
+def write_report(
+    study: Study, rows: list[dict[str, Any]], folder: Path, name: str, command: str
+) -> None:
     """Writes ``runs.csv``, ``summary.json`` and ``report.html`` into a study's folder.
 
     Args:
@@ -65,14 +67,23 @@ def write_report(study: Study, rows: list[dict[str, Any]], folder: Path, name: s
     (folder / "report.html").write_text(_page(study, table, summary, name, command))
 
 
-def _page(study: Study, table: pandas.DataFrame, summary: dict[str, Any], name: str, command: str) -> str:
+def _page(
+    study: Study, table: pandas.DataFrame, summary: dict[str, Any], name: str, command: str
+) -> str:
     mpl.use("Agg")
     variants = summary["variants"]
     rows = [
-        [variant, str(one["runs"]), _rate(one["success"]), *(_interval(one["metrics"][metric]) for metric in METRICS)]
+        [
+            variant,
+            str(one["runs"]),
+            _rate(one["success"]),
+            *(_interval(one["metrics"][metric]) for metric in METRICS),
+        ]
         for variant, one in variants.items()
     ]
-    others = {variant: one["difference"] for variant, one in variants.items() if "difference" in one}
+    others = {
+        variant: one["difference"] for variant, one in variants.items() if "difference" in one
+    }
     gaps = [
         [variant, _rate_gap(one["success"]), *(_interval(one[metric], "+") for metric in METRICS)]
         for variant, one in others.items()
@@ -86,7 +97,9 @@ def _page(study: Study, table: pandas.DataFrame, summary: dict[str, Any], name: 
         scenario=html.escape(study.scenario),
         baseline=html.escape(str(summary["baseline"])),
         table=_table(["variant", "runs", "success", *METRICS.values()], rows),
-        differences=_table(["variant", "success", *METRICS.values()], gaps) if gaps else "<p>There is one variant.</p>",
+        differences=_table(["variant", "success", *METRICS.values()], gaps)
+        if gaps
+        else "<p>There is one variant.</p>",
         forest=_forest(variants, str(summary["baseline"])),
         failures=_table(["variant", "seed", "what failed"], reasons) if reasons else "<p>None.</p>",
         figure=_figure(table, variants),
@@ -147,13 +160,20 @@ def _forest(variants: dict[str, Any], baseline: str) -> str:
         gaps = one.get("difference", {})
         rate = gaps.get("success", {})
         if "low" in rate:
-            bars.append((f"{name}: success", [100.0 * rate[part] for part in ("mean", "low", "high")]))
+            bars.append(
+                (f"{name}: success", [100.0 * rate[part] for part in ("mean", "low", "high")])
+            )
         for metric, title in METRICS.items():
             gap = gaps.get(metric, {})
             base = variants[baseline]["metrics"][metric].get("median")
             values = [gap.get(part) for part in ("median", "low", "high")]
             if base and None not in values:
-                bars.append((f"{name}: {title.partition(' [')[0]}", [100.0 * value / base for value in values]))
+                bars.append(
+                    (
+                        f"{name}: {title.partition(' [')[0]}",
+                        [100.0 * value / base for value in values],
+                    )
+                )
     if not bars:
         return ""
     from matplotlib import pyplot
@@ -184,13 +204,17 @@ def _figure(table: pandas.DataFrame, variants: dict[str, Any]) -> str:
     names = list(variants)
     for number, one in enumerate(variants.values()):
         if "rate" in (rate := one["success"]):
-            first.plot([number, number], [rate["low"], rate["high"]], color=f"C{number}", linewidth=2)
+            first.plot(
+                [number, number], [rate["low"], rate["high"]], color=f"C{number}", linewidth=2
+            )
             first.plot(number, rate["rate"], "o", color=f"C{number}")
     first.set(title="success rate", ylim=(-0.05, 1.05), xlim=(-0.5, len(names) - 0.5))
     first.set_xticks(range(len(names)), names)
     for metric in varying:
         own = next(axes)
-        own.boxplot([table[table["variant"] == name][metric].dropna() for name in names], showmeans=True)
+        own.boxplot(
+            [table[table["variant"] == name][metric].dropna() for name in names], showmeans=True
+        )
         own.set_xticks(range(1, len(names) + 1), names)
         own.set(title=METRICS[metric])
     for unused in axes:

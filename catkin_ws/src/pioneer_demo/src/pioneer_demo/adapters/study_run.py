@@ -41,7 +41,9 @@ def run_scenario(program: Sequence[str], scenario: str, run: Run, keep: str) -> 
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "scenario.yaml").write_text(scenario)
         words = [str(folder / "scenario.yaml"), "--seed", str(run.seed), "--report", str(folder)]
-        log, report, machine = (folder / name for name in ("output.txt", "report.json", "machine.json"))
+        log, report, machine = (
+            folder / name for name in ("output.txt", "report.json", "machine.json")
+        )
         for stale in (report, machine):
             stale.unlink(missing_ok=True)
         with log.open("wb") as output:

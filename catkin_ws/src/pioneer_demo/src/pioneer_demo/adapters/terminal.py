@@ -18,7 +18,9 @@ class Display:
     phase is shown at once on both.
     """
 
-    def __init__(self, output: TextIO = sys.stdout, columns: Callable[[], int] | None = None) -> None:
+    def __init__(
+        self, output: TextIO = sys.stdout, columns: Callable[[], int] | None = None
+    ) -> None:
         """``columns`` returns the terminal's width; by default it is queried from the system."""
         self._output = output
         self.in_place = output.isatty()  #: whether the output is a terminal

@@ -46,7 +46,9 @@ def encoder() -> str:
     return found
 
 
-def write_video(floor: Floor, recording: Recording, robots: Sequence[RobotTrack], path: Path) -> int:
+def write_video(
+    floor: Floor, recording: Recording, robots: Sequence[RobotTrack], path: Path
+) -> int:
     """Writes a video of a recording; returns its number of frames.
 
     Raises:
@@ -72,7 +74,9 @@ def write_video(floor: Floor, recording: Recording, robots: Sequence[RobotTrack]
             pass  # ffmpeg's error output gives the reason
         said = process.stderr.read().decode(errors="replace").strip()
     if process.returncode:
-        raise VideoError(f"{path}: ffmpeg failed: {said.splitlines()[-1] if said else process.returncode}")
+        raise VideoError(
+            f"{path}: ffmpeg failed: {said.splitlines()[-1] if said else process.returncode}"
+        )
     return len(times)
 
 
@@ -85,19 +89,29 @@ class _Stage:
         self._x, self._top = floor.x, floor.y + rows * floor.resolution
         self._recording, self._robots = recording, robots
         self._paint = {robot.name: colour.of_robot(index) for index, robot in enumerate(robots)}
-        self._font = ImageFont.truetype(str(Path(mpl.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), _FONT)
+        self._font = ImageFont.truetype(
+            str(Path(mpl.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), _FONT
+        )
         # Encoders require even dimensions.
-        self.width, floor_height = (2 * round(n * floor.resolution * self._scale / 2) for n in (cols, rows))
+        self.width, floor_height = (
+            2 * round(n * floor.resolution * self._scale / 2) for n in (cols, rows)
+        )
         self._legend = _Legend(self._font, self._paint, self.width)
         self.height: int = floor_height + self._legend.height
         self._trails = Image.new("RGB", (self.width, self.height), "white")
-        self._trails.paste(_picture_of(floor).resize((self.width, floor_height), Image.Resampling.BOX))
+        self._trails.paste(
+            _picture_of(floor).resize((self.width, floor_height), Image.Resampling.BOX)
+        )
         self._legend.draw(ImageDraw.Draw(self._trails), floor_height)
         self._last: dict[str, tuple[float, float]] = {}
 
     def frame(self, time: float) -> bytes:
         """Returns the frame at ``time`` as raw RGB rows."""
-        poses = {name: pose for name in self._paint if (pose := self._recording.pose(name, time)) is not None}
+        poses = {
+            name: pose
+            for name in self._paint
+            if (pose := self._recording.pose(name, time)) is not None
+        }
         self._extend_trails(poses)
         image = self._trails.copy()
         pen = ImageDraw.Draw(image)
@@ -107,7 +121,13 @@ class _Stage:
             self._draw_errand(pen, robot, time)
         for name, pose in poses.items():
             self._draw_robot(pen, pose, name)
-        pen.text((_MARGIN, self.height - _LINE / 2), f"{time:.1f} s", fill=_INK, font=self._font, anchor="lm")
+        pen.text(
+            (_MARGIN, self.height - _LINE / 2),
+            f"{time:.1f} s",
+            fill=_INK,
+            font=self._font,
+            anchor="lm",
+        )
         return image.tobytes()
 
     def _pixel(self, x: float, y: float) -> tuple[float, float]:
@@ -139,18 +159,40 @@ class _Stage:
         """Draws a robot's plan while it has goals left, and its goals; reached goals are filled."""
         paint, over = self._paint[robot.name], [_is_over(visit, time) for visit in robot.visits]
         if not all(over):
-            _draw_dashes(pen, [self._pixel(*point) for point in self._recording.plan(robot.name, time)], paint)
+            _draw_dashes(
+                pen,
+                [self._pixel(*point) for point in self._recording.plan(robot.name, time)],
+                paint,
+            )
         for number, (visit, reached) in enumerate(zip(robot.visits, over, strict=True), 1):
             where = self._pixel(visit.leg.goal.x, visit.leg.goal.y)
             _draw_goal(pen, where, paint, reached and bool(visit.reached))
-            pen.text(where, str(number), fill="white" if reached else paint, font=self._font, anchor="mm")
+            pen.text(
+                where, str(number), fill="white" if reached else paint, font=self._font, anchor="mm"
+            )
 
     def _draw_robot(self, pen: ImageDraw.ImageDraw, pose: Pose, name: str) -> None:
-        outline = [(_TAIL, -_HALF_WIDTH), (_TAIL, _HALF_WIDTH), (0.0, _HALF_WIDTH), (_NOSE, 0.0), (0.0, -_HALF_WIDTH)]
+        outline = [
+            (_TAIL, -_HALF_WIDTH),
+            (_TAIL, _HALF_WIDTH),
+            (0.0, _HALF_WIDTH),
+            (_NOSE, 0.0),
+            (0.0, -_HALF_WIDTH),
+        ]
         corners = [pose.compose(Pose(x, y)) for x, y in outline]
-        pen.polygon([self._pixel(one.x, one.y) for one in corners], fill=self._paint[name], outline=_INK)
+        pen.polygon(
+            [self._pixel(one.x, one.y) for one in corners], fill=self._paint[name], outline=_INK
+        )
         u, v = self._pixel(pose.x, pose.y)
-        pen.text((u, v - _LINE), name, fill=_INK, font=self._font, anchor="mm", stroke_width=2, stroke_fill="white")
+        pen.text(
+            (u, v - _LINE),
+            name,
+            fill=_INK,
+            font=self._font,
+            anchor="mm",
+            stroke_width=2,
+            stroke_fill="white",
+        )
 
 
 class _Legend:
@@ -158,7 +200,10 @@ class _Legend:
 
     def __init__(self, font: ImageFont.FreeTypeFont, paint: Mapping[str, str], width: int) -> None:
         self._font = font
-        entries = [*paint.items(), *((text, "") for text in ("goal", "goal reached", "plan", "way driven", "scan"))]
+        entries = [
+            *paint.items(),
+            *((text, "") for text in ("goal", "goal reached", "plan", "way driven", "scan")),
+        ]
         self._entries = list[tuple[float, int, str, str]]()
         x, line = float(_MARGIN), 0
         for text, colour_ in entries:
@@ -176,7 +221,9 @@ class _Legend:
             self._draw_sign(pen, x, y, text, paint)
             pen.text((x + 2 * _GOAL, y), text, fill=_INK, font=self._font, anchor="lm")
 
-    def _draw_sign(self, pen: ImageDraw.ImageDraw, x: float, y: float, text: str, paint: str) -> None:
+    def _draw_sign(
+        self, pen: ImageDraw.ImageDraw, x: float, y: float, text: str, paint: str
+    ) -> None:
         ends = (x - _GOAL, y), (x + _GOAL, y)
         if paint:
             pen.rectangle([x - _GOAL, y - _GOAL / 2, x + _GOAL, y + _GOAL / 2], fill=paint)
@@ -185,7 +232,10 @@ class _Legend:
         elif text == "plan":
             _draw_dashes(pen, [(x + step, y) for step in range(-_GOAL, _GOAL)], _INK)
         elif text == "scan":
-            pen.point([(x + step, y + side) for step in range(-_GOAL, _GOAL, 4) for side in (0, 1)], fill=_INK)
+            pen.point(
+                [(x + step, y + side) for step in range(-_GOAL, _GOAL, 4) for side in (0, 1)],
+                fill=_INK,
+            )
         else:
             pen.line(ends, fill=_INK, width=2)
 
@@ -194,10 +244,15 @@ def _is_over(visit: Visit, time: float) -> bool:
     return visit.reached is not None and visit.time <= time
 
 
-def _draw_goal(pen: ImageDraw.ImageDraw, where: tuple[float, float], paint: str, reached: bool) -> None:
+def _draw_goal(
+    pen: ImageDraw.ImageDraw, where: tuple[float, float], paint: str, reached: bool
+) -> None:
     x, y = where
     pen.ellipse(
-        [x - _GOAL, y - _GOAL, x + _GOAL, y + _GOAL], fill=paint if reached else "white", outline=paint, width=2
+        [x - _GOAL, y - _GOAL, x + _GOAL, y + _GOAL],
+        fill=paint if reached else "white",
+        outline=paint,
+        width=2,
     )
 
 
@@ -212,6 +267,8 @@ def _draw_dashes(pen: ImageDraw.ImageDraw, points: Points, paint: str) -> None:
 
 def _picture_of(floor: Floor) -> Image.Image:
     """Returns the map as a colour image, one pixel per cell, +y up."""
-    shades = np.array([ImageColor.getrgb(one) for one in (colour.UNKNOWN, colour.FREE, colour.WALL)], np.uint8)
+    shades = np.array(
+        [ImageColor.getrgb(one) for one in (colour.UNKNOWN, colour.FREE, colour.WALL)], np.uint8
+    )
     cells = np.where(floor.occupied, 2, np.where(floor.free, 1, 0))
     return Image.fromarray(shades[cells[::-1]])

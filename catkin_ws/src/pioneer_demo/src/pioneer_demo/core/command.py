@@ -12,7 +12,11 @@ HUB_MASTER, HUB_GATEWAY_MASTER, FIRST_ROBOT_MASTER, HUB = 11311, 11312, 11313, 6
 HUB_COMMAND, HUB_GATEWAY_COMMAND = "hub", "Hub_Gateway"
 PAGE = 8090
 _LOOPBACK = "127.0.0.1"
-FLEET, ROBOT_PARAMETERS, SIMULATOR_PARAMETERS = "fleet.yaml", "robot_parameters.yaml", "simulator_parameters.yaml"
+FLEET, ROBOT_PARAMETERS, SIMULATOR_PARAMETERS = (
+    "fleet.yaml",
+    "robot_parameters.yaml",
+    "simulator_parameters.yaml",
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,7 +33,13 @@ class Ports:
     def taken(cls, robots: int, take: Callable[[int], int]) -> "Ports":
         """Returns the ports of a fleet; ``take`` returns a port for each of the tutorial's."""
         masters = range(FIRST_ROBOT_MASTER, FIRST_ROBOT_MASTER + robots)
-        return cls(take(HUB), take(HUB_MASTER), take(HUB_GATEWAY_MASTER), tuple(map(take, masters)), take(PAGE))
+        return cls(
+            take(HUB),
+            take(HUB_MASTER),
+            take(HUB_GATEWAY_MASTER),
+            tuple(map(take, masters)),
+            take(PAGE),
+        )
 
     @property
     def are_the_tutorials(self) -> bool:
@@ -66,7 +76,9 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
     base = at(ports.hub_gateway_master)
     quiet = "gateway_disable_zeroconf:=true"
     hub = _launch(ports.hub_master, "pioneer_hub.launch", f"hub_port:={ports.hub}")
-    gateway = _launch(ports.hub_gateway_master, "pioneer_gateway.launch", "gateway_name:=Hub_Gateway", quiet)
+    gateway = _launch(
+        ports.hub_gateway_master, "pioneer_gateway.launch", "gateway_name:=Hub_Gateway", quiet
+    )
     simulator = (
         *("rosrun", "pioneer_gazebo", "run-multi-pioneer-gazebo-master"),
         f"world_name:={config.world}",
@@ -84,7 +96,13 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
     ]
     if config.web:
         masters = " ".join(_named_masters(ports))
-        page = ("rosrun", "pioneer_web", "fleet_page", f"_port:={ports.page}", f"_masters:={masters}")
+        page = (
+            "rosrun",
+            "pioneer_web",
+            "fleet_page",
+            f"_port:={ports.page}",
+            f"_masters:={masters}",
+        )
         found.append(Command("fleet page", page, {**base, "PIONEER_WEB_TOKEN": config.token}))
     navigation = (
         *("rosrun", "pioneer_gazebo", "run-pioneer-nav-local"),
@@ -106,7 +124,12 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
             argv = ("python3", "-m", "pioneer_demo.adapters.program", *words)
             found.append(Command(f"program {index} of {name}", argv, own))
     if config.record is not None:
-        recorder = ("python3", "-m", "pioneer_fleet.adapters.recorder", str(config.record.absolute()))
+        recorder = (
+            "python3",
+            "-m",
+            "pioneer_fleet.adapters.recorder",
+            str(config.record.absolute()),
+        )
         found.append(Command("recorder", (*recorder, *_named_masters(ports)), {}))
     return found
 
@@ -123,10 +146,19 @@ def written_files(config: FleetConfig) -> dict[str, Any]:
     files = dict[str, Any]()
     if config.entries:
         fields = [field.name for field in dataclasses.fields(RobotEntry)]
-        files[FLEET] = {"robots": [{name: getattr(one, name) for name in fields} for one in config.entries]}
+        files[FLEET] = {
+            "robots": [{name: getattr(one, name) for name in fields} for one in config.entries]
+        }
     own = {name: value for name, value in config.parameters.items() if not name.startswith("/")}
     rest = {name: value for name, value in config.parameters.items() if name.startswith("/")}
-    return {**files, **{name: said for name, said in ((ROBOT_PARAMETERS, own), (SIMULATOR_PARAMETERS, rest)) if said}}
+    return {
+        **files,
+        **{
+            name: said
+            for name, said in ((ROBOT_PARAMETERS, own), (SIMULATOR_PARAMETERS, rest))
+            if said
+        },
+    }
 
 
 def on_computer(config: FleetConfig, robot: str) -> list[str]:
@@ -151,4 +183,13 @@ def master_uri(port: int) -> str:
 
 
 def _launch(port: int, *words: str) -> tuple[str, ...]:
-    return ("rosrun", "rocon_launch", "roslaunch", "--no-summary", "-p", str(port), "pioneer_networking", *words)
+    return (
+        "rosrun",
+        "rocon_launch",
+        "roslaunch",
+        "--no-summary",
+        "-p",
+        str(port),
+        "pioneer_networking",
+        *words,
+    )

@@ -70,7 +70,12 @@ def rate(successes: int, runs: int) -> dict[str, float | int]:
     if not runs:
         return {"count": 0}
     bounds = stats.binomtest(successes, runs).proportion_ci(CONFIDENCE, method="exact")
-    return {"count": successes, "rate": successes / runs, "low": float(bounds.low), "high": float(bounds.high)}
+    return {
+        "count": successes,
+        "rate": successes / runs,
+        "low": float(bounds.low),
+        "high": float(bounds.high),
+    }
 
 
 def rate_difference(gained: int, lost: int, runs: int) -> dict[str, float | int]:

@@ -17,7 +17,9 @@ class FolderInUseError(OptionError):
     def __init__(self, folder: Path, owner: str) -> None:
         self.folder = folder
         self.owner = f"process {owner}" if owner else "another command"
-        super().__init__(f"{folder} is in use by {self.owner}: wait for its end, or give another folder")
+        super().__init__(
+            f"{folder} is in use by {self.owner}: wait for its end, or give another folder"
+        )
 
 
 class VideoError(DemoError):

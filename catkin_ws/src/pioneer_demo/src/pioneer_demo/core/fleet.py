@@ -47,8 +47,12 @@ class Fleet:
     began: float = math.nan  #: simulated time when the waypoints were sent [s]; nan before
     #: simulated time when the last waypoint was reached or given up, or the demo was aborted [s]; nan before
     ended: float = math.nan
-    closest: float = math.inf  #: smallest centre distance of two robots so far [m]; infinite with one robot
-    traffic: Traffic = dataclasses.field(default_factory=Traffic)  #: network traffic between base station and robots
+    closest: float = (
+        math.inf
+    )  #: smallest centre distance of two robots so far [m]; infinite with one robot
+    traffic: Traffic = dataclasses.field(
+        default_factory=Traffic
+    )  #: network traffic between base station and robots
 
     def note_distance(self, robot: RobotTrack) -> None:
         """Updates the closest approach after ``robot`` has moved."""
@@ -72,11 +76,15 @@ def faults(fleet: Fleet, success: Success) -> list[str]:
             lines.append(f"{robot.name} collided {times(robot.collisions)}")
         most, (_, error, _) = success.localisation_error, robot.error_statistics()
         if most is not None and not error <= most:
-            lines.append(f"{robot.name}: localisation error of {error:.3f} m (95th percentile), above {most:g} m")
+            lines.append(
+                f"{robot.name}: localisation error of {error:.3f} m (95th percentile), above {most:g} m"
+            )
     if success.seconds is not None and not fleet.ended - fleet.began <= success.seconds:
         lines.append(f"it took {fleet.ended - fleet.began:.1f} s, above {success.seconds:g} s")
     if fleet.closest < success.closest_approach:
-        lines.append(f"two robots came within {fleet.closest:.2f} m, below {success.closest_approach:g} m")
+        lines.append(
+            f"two robots came within {fleet.closest:.2f} m, below {success.closest_approach:g} m"
+        )
     return lines
 
 
@@ -86,7 +94,11 @@ def time_limit(fleet: Fleet) -> float:
     Assumes 0.25 m/s, while a Pioneer in corridors averages 0.4 m/s or more, and adds 30 s per waypoint for encounters.
     """
     return max(
-        (60.0 + sum(visit.leg.length / 0.25 + 30.0 for visit in robot.visits) for robot in fleet.robots), default=0.0
+        (
+            60.0 + sum(visit.leg.length / 0.25 + 30.0 for visit in robot.visits)
+            for robot in fleet.robots
+        ),
+        default=0.0,
     )
 
 
@@ -96,9 +108,14 @@ def stuck_report(fleet: Fleet, limit: float) -> str:
     for robot in fleet.robots:
         if not robot.finished:
             where = f"at ({robot.pose.x:.2f}, {robot.pose.y:.2f})" if robot.pose else "never seen"
-            said = [robot.queue.text if robot.queue else "its waypoint client has not reported", robot.status]
+            said = [
+                robot.queue.text if robot.queue else "its waypoint client has not reported",
+                robot.status,
+            ]
             words = "; ".join(text for text in said if text)
-            lines.append(f"  {robot.name} {where}, waypoint {robot.current + 1}/{len(robot.visits)}: {words}")
+            lines.append(
+                f"  {robot.name} {where}, waypoint {robot.current + 1}/{len(robot.visits)}: {words}"
+            )
     return "\n".join(lines)
 
 

@@ -22,11 +22,15 @@ class Floor:
     x: float
     y: float
     free: NDArray[np.bool_]  #: bool [row, col], row 0 at the smallest y
-    occupied: NDArray[np.bool_]  #: bool [row, col]; cells that are neither free nor occupied are unknown
+    occupied: NDArray[
+        np.bool_
+    ]  #: bool [row, col]; cells that are neither free nor occupied are unknown
 
     def cell(self, x: float, y: float) -> tuple[int, int]:
         """Returns (row, col) of a position, which may lie outside the map."""
-        return int(np.floor((y - self.y) / self.resolution)), int(np.floor((x - self.x) / self.resolution))
+        return int(np.floor((y - self.y) / self.resolution)), int(
+            np.floor((x - self.x) / self.resolution)
+        )
 
     def position(self, row: Any, col: Any) -> tuple[Any, Any]:
         """Returns (x, y) of a cell's centre [m]; of many cells, given as arrays of rows and columns, arrays."""
@@ -38,7 +42,9 @@ class Floor:
 
     def clearance(self) -> NDArray[np.float64]:
         """Returns each cell's distance to the nearest cell that is not free [m], float64 [row, col]."""
-        distance: NDArray[np.float64] = ndimage.distance_transform_edt(np.pad(self.free, 1)) * self.resolution
+        distance: NDArray[np.float64] = (
+            ndimage.distance_transform_edt(np.pad(self.free, 1)) * self.resolution
+        )
         return distance[1:-1, 1:-1]
 
     def cropped(self) -> "Floor":

@@ -23,7 +23,9 @@ class NodeDeath:
 
     name: str  #: its full name without the leading slash
     pid: int  #: its process id
-    status: int | None  #: exit status, negative signal number if a signal ended it; None if roslaunch reports none
+    status: (
+        int | None
+    )  #: exit status, negative signal number if a signal ended it; None if roslaunch reports none
     log: str  #: glob pattern of its log files; empty if roslaunch names none
 
 
@@ -39,7 +41,9 @@ def node_deaths(text: str) -> list[NodeDeath]:
     for match in _DIED.finditer(text):
         log = _LOG.match(text[match.end() :])
         status = int(match["status"]) if match["status"] else None
-        deaths.append(NodeDeath(match["name"], int(match["pid"]), status, log["path"].strip() if log else ""))
+        deaths.append(
+            NodeDeath(match["name"], int(match["pid"]), status, log["path"].strip() if log else "")
+        )
     return deaths
 
 
@@ -75,7 +79,10 @@ class Relapses:
         node = self._nodes.setdefault(key, _History(name))
         node.times.append(now)
         node.reason, node.count = reason, node.count + 1
-        before, node.fails = node.fails, node.fails or (len(node.times) == _DEATHS and now - node.times[0] <= _WINDOW)
+        before, node.fails = (
+            node.fails,
+            node.fails or (len(node.times) == _DEATHS and now - node.times[0] <= _WINDOW),
+        )
         return node.fails and not before
 
     def fails(self, key: Hashable) -> bool:
@@ -88,7 +95,9 @@ class Relapses:
         for key in well:
             del self._nodes[key]
         return [
-            f"{node.name} has run for {_WINDOW:.0f} s and no longer keeps dying" for node in well.values() if node.fails
+            f"{node.name} has run for {_WINDOW:.0f} s and no longer keeps dying"
+            for node in well.values()
+            if node.fails
         ]
 
     def faults(self) -> list[str]:

@@ -17,8 +17,13 @@ class Condition:
     rate: float = 0.0  #: maximum total rate [bit/s]; 0 for no limit
 
     def __str__(self) -> str:
-        parts = [(self.loss, f"{100 * self.loss:g} % loss"), (self.delay, f"{self.delay:g} s delay")]
-        return ", ".join(text for value, text in [*parts, (self.rate, f"{self.rate:g} bit/s")] if value)
+        parts = [
+            (self.loss, f"{100 * self.loss:g} % loss"),
+            (self.delay, f"{self.delay:g} s delay"),
+        ]
+        return ", ".join(
+            text for value, text in [*parts, (self.rate, f"{self.rate:g} bit/s")] if value
+        )
 
 
 class Direction:
@@ -40,9 +45,13 @@ class Direction:
         condition = self.condition
         if self._random.random() < condition.loss or self._free - now > _LONGEST_QUEUE:
             return
-        self._free = max(self._free, now) + (8 * len(packet) / condition.rate if condition.rate else 0.0)
+        self._free = max(self._free, now) + (
+            8 * len(packet) / condition.rate if condition.rate else 0.0
+        )
         due = self._free + condition.delay
-        self._under_way.append((max(due, self._under_way[-1][0]) if self._under_way else due, packet))
+        self._under_way.append(
+            (max(due, self._under_way[-1][0]) if self._under_way else due, packet)
+        )
 
     def arrived(self, now: float) -> list[bytes]:
         """Removes and returns the packets that have arrived by time ``now`` [s]."""

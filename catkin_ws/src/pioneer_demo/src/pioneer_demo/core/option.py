@@ -26,7 +26,9 @@ class FleetConfig:
     robots: int = 2  #: number of robots
     #: name of a world of pioneer_gazebo, or path of a .world file with its map beside it
     world: str = "closed_maze"
-    seed: int = 1  #: seed of the simulator's sensor noise, the particle filters and a demo's waypoints
+    seed: int = (
+        1  #: seed of the simulator's sensor noise, the particle filters and a demo's waypoints
+    )
     real_time_factor: float = 1.0  #: target factor; 0 means as fast as possible
     processors: float = 0.0  #: number of processors the factor was chosen for; 0 if it was given
     log: Path = Path("fleet-log")  #: directory for the logs of all processes
@@ -40,7 +42,9 @@ class FleetConfig:
     entries: tuple[RobotEntry, ...] = ()  #: the robots of a scenario; written as the fleet file
     #: node parameters, by name in each robot's namespace or as ``/gazebo/NAME``
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    programs: tuple[str, ...] = ()  #: extra command lines to run on each robot's computer; ``{robot}`` is its name
+    programs: tuple[
+        str, ...
+    ] = ()  #: extra command lines to run on each robot's computer; ``{robot}`` is its name
     faults: tuple[Fault, ...] = ()  #: faults to inject into a demo
     lockstep: bool = False  #: whether simulated time waits for the robots' nodes in each period; implies factor 0
 
@@ -158,7 +162,9 @@ class Machine:
     places: Mapping[str, int]
     places_elsewhere: int  #: number of initial poses in any other world
     processors: float  #: number of processors, which determines the default real-time factor
-    names_of: Callable[[Path], Sequence[str]] = lambda _: ()  #: returns the names of the robots in a fleet file
+    names_of: Callable[[Path], Sequence[str]] = (
+        lambda _: ()
+    )  #: returns the names of the robots in a fleet file
     #: reads a scenario's file; raises OptionError if it is invalid
     scenario_of: Callable[[Path], Scenario] = lambda _: Scenario()
 
@@ -177,7 +183,9 @@ def demo_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
 
 def fleet_config(arguments: Sequence[str], machine: Machine) -> FleetConfig:
     """Returns the configuration of ``./pioneer fleet``; see `demo_config`."""
-    return FleetConfig(**_chosen(vars(_fleet_parser(list(machine.places)).parse_args(arguments)), machine))
+    return FleetConfig(
+        **_chosen(vars(_fleet_parser(list(machine.places)).parse_args(arguments)), machine)
+    )
 
 
 def scenario_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
@@ -187,16 +195,28 @@ def scenario_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
     said = machine.scenario_of(file)
     count = said.robots if isinstance(said.robots, int) else len(said.robots)
     overridden = ("seed", "real_time_factor")
-    options = {name: given.pop(name) if given[name] is not None else getattr(said, name) for name in overridden}
+    options = {
+        name: given.pop(name) if given[name] is not None else getattr(said, name)
+        for name in overridden
+    }
     given["lockstep"] = given["lockstep"] or said.lockstep
     if given["lockstep"]:
         options["real_time_factor"] = None
     fields = ("world", "waypoints", "traffic", "limit")
-    values = {**given, **options, **{name: getattr(said, name) for name in fields}, "robots": count, "fleet": None}
+    values = {
+        **given,
+        **options,
+        **{name: getattr(said, name) for name in fields},
+        "robots": count,
+        "fleet": None,
+    }
     chosen: dict[str, Any] = {**_chosen(values, machine), "names": said.names}
     if said.entries:
         chosen |= {"entries": said.entries, "fleet": _written_fleet(log)}
-    extras = {name: getattr(said, name) for name in ("parameters", "programs", "goals", "faults", "success")}
+    extras = {
+        name: getattr(said, name)
+        for name in ("parameters", "programs", "goals", "faults", "success")
+    }
     config = DemoConfig(**chosen, **extras, log=log, scenario=file)
     if config.linked and config.lockstep:
         raise OptionError(f"--lockstep: {file} has faults of links, whose figures are of wall time")
@@ -218,9 +238,14 @@ def _chosen(values: dict[str, Any], machine: Machine) -> dict[str, Any]:
         count = FleetConfig().robots if count is None else count
         values["names"] = tuple(f"pioneer{number}" for number in range(1, count + 1))
     elif count is not None:
-        raise OptionError("--robots and --fleet both say how many robots there are: give one of them")
+        raise OptionError(
+            "--robots and --fleet both say how many robots there are: give one of them"
+        )
     else:
-        values["fleet"], values["names"] = file.expanduser().resolve(), tuple(machine.names_of(file.expanduser()))
+        values["fleet"], values["names"] = (
+            file.expanduser().resolve(),
+            tuple(machine.names_of(file.expanduser())),
+        )
         count = len(values["names"])
     values["robots"] = count
     check_fleet(count, values["world"], machine.places, machine.places_elsewhere)
@@ -237,7 +262,9 @@ def factor_held(robots: int, processors: float) -> float:
     return min(1.0, max(0.05, math.floor(20 * _ROBOTS_A_PROCESSOR * processors / robots) / 20))
 
 
-def check_fleet(robots: int, world: str, places: Mapping[str, int], places_elsewhere: int | None = None) -> None:
+def check_fleet(
+    robots: int, world: str, places: Mapping[str, int], places_elsewhere: int | None = None
+) -> None:
     """Checks that a world is known and has a place for each robot.
 
     Args:
@@ -266,7 +293,9 @@ def _check(values: Mapping[str, Any]) -> None:
             str(values.get(name, "")).encode()
         except UnicodeEncodeError:
             shown = str(values[name]).encode(errors="surrogateescape")
-            raise OptionError(f"--{name} must be UTF-8, not {shown!r}: ROS cannot handle other names") from None
+            raise OptionError(
+                f"--{name} must be UTF-8, not {shown!r}: ROS cannot handle other names"
+            ) from None
     record = values["record"]
     if record is not None and record.suffix not in (".mcap", ".bag"):
         raise OptionError(f"--record must name a file such as run.mcap or run.bag, not '{record}'")
@@ -285,14 +314,21 @@ def _check_demo(config: DemoConfig) -> None:
     if config.video is not None and not config.video.suffix:
         raise OptionError(f"--video must name a file such as run.mp4, not '{config.video}'")
     if not 0.0 <= config.limit < float("inf"):
-        raise OptionError(f"--limit must be 0 (in proportion to the way) or more seconds, not {config.limit:g}")
+        raise OptionError(
+            f"--limit must be 0 (in proportion to the way) or more seconds, not {config.limit:g}"
+        )
 
 
 def _add_common(parser: Parser, worlds: Sequence[str]) -> None:
     """Adds the options common to all fleets."""
     default, add = FleetConfig(), parser.add_argument
     add("--robots", type=int, metavar="N", help=f"robots (default {default.robots})")
-    add("--fleet", type=Path, metavar="FILE", help="fleet file: robots of different kinds (pioneer_demo's README)")
+    add(
+        "--fleet",
+        type=Path,
+        metavar="FILE",
+        help="fleet file: robots of different kinds (pioneer_demo's README)",
+    )
     add("--world", default=default.world, metavar="W",
         help=f"{', '.join(worlds)}, or a .world file with its map beside it (default %(default)s)")  # fmt: skip
     add("--seed", type=int, default=default.seed, metavar="S",
@@ -303,9 +339,17 @@ def _add_common(parser: Parser, worlds: Sequence[str]) -> None:
     add("--lockstep", action="store_true",
         help="time waits for every robot's nodes: as fast as the machine can, and the same run for the same seed "
         "(docs/lockstep.md)")  # fmt: skip
-    add("--traffic", action="store_true", help="the robots keep the right of way with one another (docs/traffic.md)")
+    add(
+        "--traffic",
+        action="store_true",
+        help="the robots keep the right of way with one another (docs/traffic.md)",
+    )
     _add_record(parser)
-    add("--web", action="store_true", help="serve the fleet in the browser, on this machine only (docs/web.md)")
+    add(
+        "--web",
+        action="store_true",
+        help="serve the fleet in the browser, on this machine only (docs/web.md)",
+    )
 
 
 def _add_record(parser: Parser) -> None:
@@ -326,7 +370,13 @@ def _fleet_parser(worlds: Sequence[str]) -> Parser:
         "Example: ./pioneer fleet --robots 5 --world utm_0",
     )
     _add_common(parser, worlds)
-    parser.add_argument("--log", type=Path, default=FleetConfig().log, metavar="DIR", help="logs (default %(default)s)")
+    parser.add_argument(
+        "--log",
+        type=Path,
+        default=FleetConfig().log,
+        metavar="DIR",
+        help="logs (default %(default)s)",
+    )
     return parser
 
 
@@ -339,11 +389,20 @@ def _scenario_parser() -> Parser:
         "Example: ./pioneer run-scenario doorway",
     )
     add = parser.add_argument
-    add("scenario", type=Path, metavar="FILE", help="the scenario (pioneer_demo's README has its fields)")
+    add(
+        "scenario",
+        type=Path,
+        metavar="FILE",
+        help="the scenario (pioneer_demo's README has its fields)",
+    )
     add("--seed", type=int, metavar="S", help="instead of the file's")
     add("--rtf", dest="real_time_factor", type=float, metavar="R", help="instead of the file's")
     _add_record(parser)
-    add("--lockstep", action="store_true", help="instead of the file's factor: time waits for every robot's nodes")
+    add(
+        "--lockstep",
+        action="store_true",
+        help="instead of the file's factor: time waits for every robot's nodes",
+    )
     _add_outputs(parser)
     return parser
 
@@ -353,7 +412,12 @@ def _add_outputs(parser: Parser) -> None:
     add = parser.add_argument
     add("--report", type=Path, default=DemoConfig().report, metavar="DIR",
         help="numbers, picture, logs (default %(default)s)")  # fmt: skip
-    add("--video", type=Path, metavar="FILE", help="a film of the run from above, mp4 (needs ffmpeg)")
+    add(
+        "--video",
+        type=Path,
+        metavar="FILE",
+        help="a film of the run from above, mp4 (needs ffmpeg)",
+    )
 
 
 def _demo_parser(worlds: Sequence[str]) -> Parser:
@@ -368,7 +432,13 @@ def _demo_parser(worlds: Sequence[str]) -> Parser:
     )
     _add_common(parser, worlds)
     add = parser.add_argument
-    add("--waypoints", type=int, default=default.waypoints, metavar="K", help="a robot (default %(default)s)")
+    add(
+        "--waypoints",
+        type=int,
+        default=default.waypoints,
+        metavar="K",
+        help="a robot (default %(default)s)",
+    )
     add("--limit", type=float, default=default.limit, metavar="T",
         help="simulated seconds until a fleet counts as stuck (default: in proportion to the way)")  # fmt: skip
     _add_outputs(parser)

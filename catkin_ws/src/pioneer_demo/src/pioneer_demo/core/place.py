@@ -14,7 +14,10 @@ Place = tuple[float, float]
 
 
 def check_places(
-    floor: Floor, starts: Sequence[Place | None], goals: Sequence[Sequence[Place]], radius: float = PIONEER_RADIUS
+    floor: Floor,
+    starts: Sequence[Place | None],
+    goals: Sequence[Sequence[Place]],
+    radius: float = PIONEER_RADIUS,
 ) -> None:
     """Checks each robot's start and goals by the planner's rule; see `parts`.
 
@@ -39,7 +42,9 @@ def check_places(
         row, col = cell
         around = numbers[max(0, row - 1) : row + 2, max(0, col - 1) : col + 2]
         if not around.any():
-            raise DocumentError(f"is closer than {radius:g} m to a wall or to what the map does not know")
+            raise DocumentError(
+                f"is closer than {radius:g} m to a wall or to what the map does not know"
+            )
         return int(numbers[cell] or around.max())
 
     for robot, (start, own_goals) in enumerate(zip(starts, goals, strict=True)):

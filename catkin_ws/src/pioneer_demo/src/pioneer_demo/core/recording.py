@@ -43,7 +43,9 @@ class Recording:
     def times(self, rate: float) -> NDArray[np.float64]:
         """Returns the times of ``rate`` frames per simulated second, from first to last pose; empty without poses."""
         stamps = [stamp for kept in self._poses.values() for stamp, _ in (kept[0], kept[-1])]
-        return np.arange(min(stamps), max(stamps) + 0.5 / rate, 1.0 / rate) if stamps else np.empty(0)
+        return (
+            np.arange(min(stamps), max(stamps) + 0.5 / rate, 1.0 / rate) if stamps else np.empty(0)
+        )
 
     def pose(self, name: str, time: float) -> Pose | None:
         """Returns a robot's pose at ``time``, linearly interpolated; None before the first pose."""

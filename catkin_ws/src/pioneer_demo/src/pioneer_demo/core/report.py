@@ -18,8 +18,12 @@ FORMAT = 1
 class Outcome:
     """How the demo ended."""
 
-    faults: list[str]  #: failed criteria and processes that did not end when asked to, one line each
-    milestones: Mapping[str, float]  #: wall time since the command was entered [s], in chronological order
+    faults: list[
+        str
+    ]  #: failed criteria and processes that did not end when asked to, one line each
+    milestones: Mapping[
+        str, float
+    ]  #: wall time since the command was entered [s], in chronological order
     seconds_to_moving: float  #: the same for the moment when the last robot started to move; nan if one never moved
     drive_wall: float  #: wall time from sending the waypoints to the end [s]
     drive_cpu: float  #: CPU time [s] of all processes in that time
@@ -42,7 +46,9 @@ def report(fleet: Fleet, outcome: Outcome, settings: Mapping[str, Any]) -> dict[
                 "closest_approach": fleet.closest if math.isfinite(fleet.closest) else math.nan,
                 "wall_seconds": outcome.drive_wall,
                 "real_time_factor": drive / outcome.drive_wall if outcome.drive_wall else math.nan,
-                "cpu_seconds_per_simulated_second": outcome.drive_cpu / drive if drive else math.nan,
+                "cpu_seconds_per_simulated_second": outcome.drive_cpu / drive
+                if drive
+                else math.nan,
                 "messages": fleet.traffic.messages,
                 "bytes": fleet.traffic.bytes,
             },
@@ -57,16 +63,30 @@ def report(fleet: Fleet, outcome: Outcome, settings: Mapping[str, Any]) -> dict[
 
 def reproducible(numbers: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Splits a lockstep run's ``report`` into reproducible and machine-dependent values (time, processes, ports)."""
-    machine: dict[str, Any] = {name: numbers[name] for name in ("seconds_to_moving", "start_up", "processes")}
+    machine: dict[str, Any] = {
+        name: numbers[name] for name in ("seconds_to_moving", "start_up", "processes")
+    }
     rest = {name: value for name, value in numbers.items() if name not in machine}
-    rest["settings"] = {name: value for name, value in numbers["settings"].items() if name != "ports"}
-    rest["drive"] = {name: numbers["drive"][name] for name in ("simulated_seconds", "closest_approach")}
+    rest["settings"] = {
+        name: value for name, value in numbers["settings"].items() if name != "ports"
+    }
+    rest["drive"] = {
+        name: numbers["drive"][name] for name in ("simulated_seconds", "closest_approach")
+    }
     return rest, {"ports": numbers["settings"]["ports"], "drive": numbers["drive"], **machine}
 
 
 def table(numbers: Mapping[str, Any]) -> str:
     """Returns the closing table for a ``report``."""
-    return "\n".join([_robot_table(numbers["robots"]), "", _drive_line(numbers), "", _cost_table(numbers["processes"])])
+    return "\n".join(
+        [
+            _robot_table(numbers["robots"]),
+            "",
+            _drive_line(numbers),
+            "",
+            _cost_table(numbers["processes"]),
+        ]
+    )
 
 
 def _robot(robot: RobotTrack, began: float) -> dict[str, Any]:
@@ -78,7 +98,12 @@ def _robot(robot: RobotTrack, began: float) -> dict[str, Any]:
         "reached": robot.reached,
         "seconds": ended - began,
         "path_length": robot.path_length,
-        "localisation_error": {"mean": mean, "p95": p95, "max": largest, "samples": len(robot.errors)},
+        "localisation_error": {
+            "mean": mean,
+            "p95": p95,
+            "max": largest,
+            "samples": len(robot.errors),
+        },
         "collisions": robot.collisions,
         "visits": [
             {
@@ -129,7 +154,12 @@ def _cost_table(processes: Mapping[str, Any]) -> str:
         "rss_bytes": sum(cost["rss_bytes"] for cost in processes.values()),
     }
     rows = [
-        (name, str(cost["count"]), f"{cost['cpu_seconds']:.1f} s", f"{cost['rss_bytes'] / 1e6:.0f} MB")
+        (
+            name,
+            str(cost["count"]),
+            f"{cost['cpu_seconds']:.1f} s",
+            f"{cost['rss_bytes'] / 1e6:.0f} MB",
+        )
         for name, cost in [*processes.items(), ("all", total)]
     ]
     return columns(("processes", "seen", "CPU", "peak RSS"), rows)
@@ -139,7 +169,10 @@ def columns(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     """Returns a table as text: first column left-aligned, the others right-aligned."""
     widths = [max(len(row[index]) for row in [head, *rows]) for index in range(len(head))]
     return "\n".join(
-        "  ".join(f"{cell:<{width}}" if not index else f"{cell:>{width}}" for index, (cell, width) in cells).rstrip()
+        "  ".join(
+            f"{cell:<{width}}" if not index else f"{cell:>{width}}"
+            for index, (cell, width) in cells
+        ).rstrip()
         for cells in (enumerate(zip(row, widths, strict=True)) for row in [head, *rows])
     )
 
@@ -149,8 +182,14 @@ def verdict_line(numbers: Mapping[str, Any]) -> str:
     if not numbers["success"]:
         return "Failed: " + "; ".join(numbers["faults"])
     robots = numbers["robots"].values()
-    sent, reached, collisions = (sum(robot[key] for robot in robots) for key in ("waypoints", "reached", "collisions"))
-    arrived = counted(sent, "waypoint") if reached == sent else f"{reached} of {counted(sent, 'waypoint')}"
+    sent, reached, collisions = (
+        sum(robot[key] for robot in robots) for key in ("waypoints", "reached", "collisions")
+    )
+    arrived = (
+        counted(sent, "waypoint")
+        if reached == sent
+        else f"{reached} of {counted(sent, 'waypoint')}"
+    )
     contacts = counted(collisions, "collision") if collisions else "no collision"
     return f"Success: {counted(len(robots), 'robot')}, {arrived} reached, {contacts}"
 

@@ -47,7 +47,11 @@ class Fault:
 
     def __post_init__(self) -> None:
         """Validates the fields."""
-        kinds = [name for name in ("kill", "freeze", "blind", "move", "door", "link") if getattr(self, name)]
+        kinds = [
+            name
+            for name in ("kill", "freeze", "blind", "move", "door", "link")
+            if getattr(self, name)
+        ]
         if len(kinds) != 1:
             raise DocumentError(
                 f"a fault has one of kill, freeze, blind, move, door and link, not {' and '.join(kinds) or 'none'}"
@@ -56,7 +60,9 @@ class Fault:
         if len(self.door) not in (0, 4):
             raise DocumentError(f"a door is [x, y, degrees, length], not {list(self.door)}", "door")
         if len(self.to) != (3 if self.move else 0):
-            raise DocumentError("'move' needs 'to: [x, y, degrees]'; no other fault takes 'to'", "to")
+            raise DocumentError(
+                "'move' needs 'to: [x, y, degrees]'; no other fault takes 'to'", "to"
+            )
         if self.move and math.isnan(self.lasts):
             object.__setattr__(self, "lasts", 0.0)
         if math.isnan(self.lasts):
@@ -66,11 +72,16 @@ class Fault:
         if self.at < 0.0:
             raise DocumentError(f"at must be 0 s or more, not {self.at:g}", "at")
         if self.times < 1 or (self.times > 1 and self.every <= self.lasts):
-            raise DocumentError("a repeated fault needs times of 1 or more, and every above lasts", "every")
+            raise DocumentError(
+                "a repeated fault needs times of 1 or more, and every above lasts", "every"
+            )
 
     def _check_link(self) -> None:
         if bool(self.link) != any((self.loss, self.delay, self.rate)):
-            raise DocumentError("'link' needs one or more of loss, delay and rate, and nothing else has them", "link")
+            raise DocumentError(
+                "'link' needs one or more of loss, delay and rate, and nothing else has them",
+                "link",
+            )
         for name, most in (("loss", 1.0), ("delay", 60.0), ("rate", math.inf)):
             if not 0.0 <= (value := getattr(self, name)) <= most or value == math.inf:
                 text = f"0 to {most:g}" if most < math.inf else "0 or more bit/s"
@@ -90,7 +101,11 @@ class Fault:
         if self.door:
             return f"a door at ({self.door[0]:g}, {self.door[1]:g}) is closed"
         if self.kill:
-            return f"the computer of {self.kill} is killed" if self.kill != HUB else "the hub is killed"
+            return (
+                f"the computer of {self.kill} is killed"
+                if self.kill != HUB
+                else "the hub is killed"
+            )
         if self.link:
             return f"the link of {self.link} has {self.condition}"
         if self.freeze:
@@ -104,14 +119,20 @@ class Success:
 
     reached: float = 1.0  #: minimum fraction of waypoints reached by each robot
     collisions: int = 0  #: maximum per robot
-    seconds: float | None = None  #: maximum simulated time until all robots are done; None for no limit
-    localisation_error: float | None = None  #: maximum 95th percentile for each robot [m]; None for no limit
+    seconds: float | None = (
+        None  #: maximum simulated time until all robots are done; None for no limit
+    )
+    localisation_error: float | None = (
+        None  #: maximum 95th percentile for each robot [m]; None for no limit
+    )
     closest_approach: float = 0.0  #: minimum centre distance of any two robots [m]
 
     def __post_init__(self) -> None:
         """Validates the fields."""
         if not 0.0 <= self.reached <= 1.0:
-            raise DocumentError(f"reached is a share of the waypoints, 0 to 1, not {self.reached:g}", "reached")
+            raise DocumentError(
+                f"reached is a share of the waypoints, 0 to 1, not {self.reached:g}", "reached"
+            )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -120,7 +141,9 @@ class Scenario:
 
     about: str = ""  #: its purpose, in a sentence
     world: str = "closed_maze"  #: name of a world, or a ``.world`` file with its map beside it
-    robots: int | tuple[ScenarioRobot, ...] = 2  #: number of Pioneers at the world's initial poses, or a list of robots
+    robots: int | tuple[ScenarioRobot, ...] = (
+        2  #: number of Pioneers at the world's initial poses, or a list of robots
+    )
     waypoints: int = 3  #: random waypoints of each robot without goals
     rounds: int = 1  #: how many times a robot visits its goals
     seed: int = 1  #: seed of waypoints, sensor noise and particle filters
@@ -128,10 +151,14 @@ class Scenario:
     real_time_factor: float | None = None
     traffic: bool = False  #: whether the robots coordinate right of way
     lockstep: bool = False  #: whether simulated time waits for the robots' nodes in each period
-    navigation: str = ""  #: YAML file of move_base parameters for robots without their own; empty for none
+    navigation: str = (
+        ""  #: YAML file of move_base parameters for robots without their own; empty for none
+    )
     #: node parameters, by name in each robot's namespace (``amcl/min_particles``) or as ``/gazebo/NAME``
     parameters: dict[str, Any] = dataclasses.field(default_factory=dict)
-    programs: tuple[str, ...] = ()  #: extra command lines to run on each robot's computer; ``{robot}`` is its name
+    programs: tuple[
+        str, ...
+    ] = ()  #: extra command lines to run on each robot's computer; ``{robot}`` is its name
     faults: tuple[Fault, ...] = ()  #: faults to inject
     success: Success = dataclasses.field(default_factory=Success)  #: success criteria
     limit: float = 0.0  #: simulated time after which it counts as stuck [s]; 0: proportional to the route length
@@ -146,10 +173,14 @@ class Scenario:
             special = ((HUB,) if fault.kill else ()) + ((BASE,) if fault.freeze else ())
             known = (*self.names, *special)
             if fault.whom and fault.whom not in known:
-                raise DocumentError(f"unknown robot '{fault.whom}'; {nearest(fault.whom, known)}", "faults", number)
+                raise DocumentError(
+                    f"unknown robot '{fault.whom}'; {nearest(fault.whom, known)}", "faults", number
+                )
         for name in self.parameters:
             if name.startswith("/") and not name.startswith("/gazebo/"):
-                raise DocumentError(f"{name} is not a parameter of a robot's node or of /gazebo", "parameters", name)
+                raise DocumentError(
+                    f"{name} is not a parameter of a robot's node or of /gazebo", "parameters", name
+                )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -162,8 +193,15 @@ class Scenario:
     def entries(self) -> tuple[RobotEntry, ...]:
         """The robots as fleet file entries; empty for plain Pioneers at the world's initial poses."""
         if isinstance(self.robots, int):
-            return tuple(RobotEntry(name, navigation=self.navigation) for name in self.names if self.navigation)
-        return tuple(dataclasses.replace(one, navigation=one.navigation or self.navigation) for one in self.robots)
+            return tuple(
+                RobotEntry(name, navigation=self.navigation)
+                for name in self.names
+                if self.navigation
+            )
+        return tuple(
+            dataclasses.replace(one, navigation=one.navigation or self.navigation)
+            for one in self.robots
+        )
 
     @property
     def goals(self) -> tuple[tuple[Goal, ...], ...]:

@@ -35,7 +35,9 @@ class Study:
     scenario: str  #: name of a shipped scenario, or a file
     about: str = ""  #: the question it answers
     #: changes to the scenario by variant name; the first variant is the baseline
-    variants: dict[str, dict[str, Any]] = dataclasses.field(default_factory=lambda: {"as it is": {}})
+    variants: dict[str, dict[str, Any]] = dataclasses.field(
+        default_factory=lambda: {"as it is": {}}
+    )
     runs: int = 10  #: runs per variant, with seeds from ``first_seed`` on
     first_seed: int = 1  #: seed of each variant's first run
     #: command line that replaces ``run-scenario``; it gets ``FILE --seed S --report DIR`` and writes DIR/report.json
@@ -47,12 +49,18 @@ class Study:
         if not 1 <= self.runs <= 100_000:
             raise DocumentError(f"runs must be 1 to 100000, not {self.runs}", "runs")
         if not 0 <= self.first_seed <= MOST_SEED - self.runs:
-            raise DocumentError(f"first_seed must be 0 to {MOST_SEED - self.runs}, not {self.first_seed}", "first_seed")
+            raise DocumentError(
+                f"first_seed must be 0 to {MOST_SEED - self.runs}, not {self.first_seed}",
+                "first_seed",
+            )
         if not self.variants:
             raise DocumentError("there must be 1 variant or more", "variants")
         for name in self.variants:
             if not name.replace("-", "").replace("_", "").replace(" ", "").isalnum():
-                raise DocumentError(f"a variant's name has letters, digits, blanks, - and _, not {name!r}", "variants")
+                raise DocumentError(
+                    f"a variant's name has letters, digits, blanks, - and _, not {name!r}",
+                    "variants",
+                )
 
     def all_runs(self) -> list["Run"]:
         """Returns all runs, seed by seed, so that an unfinished study can still compare variants."""

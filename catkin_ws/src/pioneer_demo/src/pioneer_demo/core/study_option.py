@@ -48,10 +48,31 @@ def _experiment_parser() -> Parser:
         "Example: ./pioneer experiment head_on_planners.yaml --runs 100",
     )
     add = parser.add_argument
-    add("study", type=Path, metavar="STUDY", help="the study's file (pioneer_demo's README has its fields)")
-    add("--runs", type=int, default=0, metavar="N", help="of each variant, instead of the file's (0: as in the file)")
-    add("--jobs", type=int, metavar="J", help="runs at a time on this machine (default: its processors)")
-    add("--scheduler", default="", metavar="URL", help="a dask scheduler, tcp://…, whose workers do the runs")
+    add(
+        "study",
+        type=Path,
+        metavar="STUDY",
+        help="the study's file (pioneer_demo's README has its fields)",
+    )
+    add(
+        "--runs",
+        type=int,
+        default=0,
+        metavar="N",
+        help="of each variant, instead of the file's (0: as in the file)",
+    )
+    add(
+        "--jobs",
+        type=int,
+        metavar="J",
+        help="runs at a time on this machine (default: its processors)",
+    )
+    add(
+        "--scheduler",
+        default="",
+        metavar="URL",
+        help="a dask scheduler, tcp://…, whose workers do the runs",
+    )
     add("--output", type=Path, metavar="DIR", help="the study's folder (default: STUDY-study)")
     add("--keep", action="store_true", help="keep each run's report and logs, in DIR/reports")
     return parser

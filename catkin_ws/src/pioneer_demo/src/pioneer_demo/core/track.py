@@ -23,7 +23,9 @@ class Visit:
     """Progress of one waypoint."""
 
     leg: Leg  #: its goal and the demo's route to it
-    planned: Points = dataclasses.field(default_factory=list)  #: move_base's first plan towards it, in ``map``
+    planned: Points = dataclasses.field(
+        default_factory=list
+    )  #: move_base's first plan towards it, in ``map``
     reached: bool | None = None  #: whether it was reached; None while pending
     time: float = math.nan  #: simulated time when it was reached or given up [s]
     distance: float = math.nan  #: true distance to the waypoint at that time [m]
@@ -52,8 +54,12 @@ class RobotTrack:
         self._moved_to: tuple[float, float] | None = None
         self._stamp = self._picked = -math.inf
         self._correction: Pose | None = None
-        self._odometry: collections.deque[tuple[float, Pose]] = collections.deque(maxlen=_ODOMETRY_KEPT)
-        self._unjudged: collections.deque[tuple[float, Pose]] = collections.deque(maxlen=_ODOMETRY_KEPT)
+        self._odometry: collections.deque[tuple[float, Pose]] = collections.deque(
+            maxlen=_ODOMETRY_KEPT
+        )
+        self._unjudged: collections.deque[tuple[float, Pose]] = collections.deque(
+            maxlen=_ODOMETRY_KEPT
+        )
 
     @property
     def queue(self) -> Queue | None:

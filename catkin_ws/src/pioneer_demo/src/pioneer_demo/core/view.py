@@ -39,14 +39,26 @@ def guide(config: FleetConfig, ports: Ports, seconds: float) -> str:
     """Returns usage instructions for a running fleet; start-up took ``seconds``."""
     names = ["base station", *config.names]
     uris = map(master_uri, (ports.hub_gateway_master, *ports.robot_masters))
-    masters = "\n".join(f"  export ROS_MASTER_URI={uri}   # {name}" for name, uri in zip(names, uris, strict=True))
+    masters = "\n".join(
+        f"  export ROS_MASTER_URI={uri}   # {name}" for name, uri in zip(names, uris, strict=True)
+    )
     robots = "1 robot is ready" if config.robots == 1 else f"{config.robots} robots are ready"
-    return _GUIDE.format(robots=robots, world=config.map_name, first=config.names[0], seconds=seconds, masters=masters)
+    return _GUIDE.format(
+        robots=robots,
+        world=config.map_name,
+        first=config.names[0],
+        seconds=seconds,
+        masters=masters,
+    )
 
 
 def live_lines(fleet: Fleet) -> list[str]:
     """Returns a demo's status lines: waypoint progress, the simulator, and each robot."""
-    return [progress_line(fleet), simulator_line(fleet.simulator), *(robot_line(robot) for robot in fleet.robots)]
+    return [
+        progress_line(fleet),
+        simulator_line(fleet.simulator),
+        *(robot_line(robot) for robot in fleet.robots),
+    ]
 
 
 def fleet_lines(fleet: Fleet) -> list[str]:
@@ -56,7 +68,10 @@ def fleet_lines(fleet: Fleet) -> list[str]:
 
 def progress_line(fleet: Fleet) -> str:
     """Returns a progress bar over all waypoints of all robots."""
-    done, count = sum(robot.current for robot in fleet.robots), sum(len(robot.visits) for robot in fleet.robots)
+    done, count = (
+        sum(robot.current for robot in fleet.robots),
+        sum(len(robot.visits) for robot in fleet.robots),
+    )
     full = _BAR * done // max(1, count)
     return f"waypoints  [{'#' * full}{'-' * (_BAR - full)}]  {done} of {count}"
 
@@ -92,7 +107,11 @@ def robot_line(robot: RobotTrack) -> str:
 def state_word(robot: RobotTrack) -> str:
     """Returns a robot's state: one to three words, or move_base's reason if the robot does not get on."""
     if robot.finished:
-        return "done" if robot.reached == len(robot.visits) else f"gave up {len(robot.visits) - robot.reached}"
+        return (
+            "done"
+            if robot.reached == len(robot.visits)
+            else f"gave up {len(robot.visits) - robot.reached}"
+        )
     if robot.pose is None:
         return "not spawned"
     if not robot.localised:
@@ -129,7 +148,10 @@ def fleet_status(
         "master": master_uri(ports.hub_gateway_master),
         "simulated_seconds": round(fleet.simulator.time, 3),
         "real_time_factor": _known(fleet.simulator.real_time_factor),
-        "robots": [_robot(robot, port, now) for robot, port in zip(fleet.robots, ports.robot_masters, strict=True)],
+        "robots": [
+            _robot(robot, port, now)
+            for robot, port in zip(fleet.robots, ports.robot_masters, strict=True)
+        ],
     }
 
 

@@ -65,7 +65,9 @@ def fleet_waypoints(
 
 
 class _Chooser:
-    def __init__(self, floor: Floor, starts: Sequence[Pose], config: WaypointConfig, rng: np.random.Generator) -> None:
+    def __init__(
+        self, floor: Floor, starts: Sequence[Pose], config: WaypointConfig, rng: np.random.Generator
+    ) -> None:
         self._config, self._rng, self._starts = config, rng, starts
         self._floor = floor
         self._passable = drivable(floor, _PASSABLE, _CELL)
@@ -131,12 +133,18 @@ class _Chooser:
 
     def _places_of_others(self, robot: int) -> list[Pose]:
         others = [index for index in range(len(self._starts)) if index != robot]
-        return [self._starts[index] for index in others] + [leg.goal for i in others for leg in self.legs[i]]
+        return [self._starts[index] for index in others] + [
+            leg.goal for i in others for leg in self.legs[i]
+        ]
 
     def _crowding(self, robot: int, leg: Leg) -> float:
         """Returns the length of the path [m] that lies within the separation of other robots' paths and places."""
-        places = np.array([(place.x, place.y) for place in self._places_of_others(robot)]).reshape(-1, 2)
-        ways = [other.way for index, legs in enumerate(self.legs) if index != robot for other in legs]
+        places = np.array([(place.x, place.y) for place in self._places_of_others(robot)]).reshape(
+            -1, 2
+        )
+        ways = [
+            other.way for index, legs in enumerate(self.legs) if index != robot for other in legs
+        ]
         busy = np.concatenate([places, *ways])
         if not len(busy):
             return 0.0
@@ -160,7 +168,11 @@ def _cell_near(floor: Floor, pose: Pose, what: str) -> tuple[int, int]:
     """Returns the free cell nearest to ``pose``, at most half a metre away."""
     row, col = floor.cell(pose.x, pose.y)
     reach = math.ceil(0.5 / floor.resolution)
-    cells = [(r, c) for r in range(row - reach, row + reach + 1) for c in range(col - reach, col + reach + 1)]
+    cells = [
+        (r, c)
+        for r in range(row - reach, row + reach + 1)
+        for c in range(col - reach, col + reach + 1)
+    ]
     free = [cell for cell in cells if floor.contains(*cell) and floor.free[cell]]
     if not free:
         raise NoWaypointError(f"{what} at ({pose.x:.2f}, {pose.y:.2f}), where it cannot move")

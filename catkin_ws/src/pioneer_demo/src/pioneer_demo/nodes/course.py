@@ -51,8 +51,14 @@ class Course:
     def start(self) -> None:
         """Joins the lockstep."""
         for robot in self._fleet.robots:
-            rospy.Subscriber(f"/{robot.name}/base_pose_ground_truth", Odometry, partial(self._on_pose, robot.name))
-            rospy.Subscriber(f"/{robot.name}/pioneer/cmd_vel", Twist, partial(self._on_command, robot.name))
+            rospy.Subscriber(
+                f"/{robot.name}/base_pose_ground_truth",
+                Odometry,
+                partial(self._on_pose, robot.name),
+            )
+            rospy.Subscriber(
+                f"/{robot.name}/pioneer/cmd_vel", Twist, partial(self._on_command, robot.name)
+            )
         self._member.start(self._step)
 
     def release(self, limit: float, stop: float) -> None:

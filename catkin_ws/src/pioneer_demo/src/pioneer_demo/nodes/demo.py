@@ -32,7 +32,9 @@ class Demo(FleetRun):
 
     _config: DemoConfig
 
-    def __init__(self, config: DemoConfig, watch: Stopwatch, interrupt: Interrupt, processes: FleetProcesses) -> None:
+    def __init__(
+        self, config: DemoConfig, watch: Stopwatch, interrupt: Interrupt, processes: FleetProcesses
+    ) -> None:
         """Takes ``processes`` that are already started; ``run`` ends them."""
         super().__init__(config, watch, interrupt, processes)
         self._recording = Recording() if config.video else None
@@ -79,7 +81,9 @@ class Demo(FleetRun):
         simulator, last, since = self.fleet.simulator, -1.0, time.monotonic()
         course = self.course
         patience = _CLOCK_STANDS_STILL if course is None else self.patience
-        while not (self.fleet.finished if course is None else course.ended.is_set() and self.fleet.finished):
+        while not (
+            self.fleet.finished if course is None else course.ended.is_set() and self.fleet.finished
+        ):
             self.look(live_lines, "driving")
             if course is None:
                 disturbances.advance(simulator.time - self.fleet.began)
@@ -88,10 +92,16 @@ class Demo(FleetRun):
                 course.release(self.fleet.began + limit, self.fleet.began + disturbances.next)
             if simulator.time > last:
                 last, since = simulator.time, time.monotonic()
-            if simulator.time - self.fleet.began > limit and (course is None or course.ended.is_set()):
-                raise StuckError("\n".join([stuck_report(self.fleet, limit), *self.seen.waiting_flips()]))
+            if simulator.time - self.fleet.began > limit and (
+                course is None or course.ended.is_set()
+            ):
+                raise StuckError(
+                    "\n".join([stuck_report(self.fleet, limit), *self.seen.waiting_flips()])
+                )
             if time.monotonic() - since > patience:
-                raise StuckError(f"simulated time has stood still at {last:.1f} s for {patience:.0f} s")
+                raise StuckError(
+                    f"simulated time has stood still at {last:.1f} s for {patience:.0f} s"
+                )
 
     @property
     def _limit(self) -> float:
@@ -109,13 +119,20 @@ class Demo(FleetRun):
         self.watch.note("waypoints sent")
         if self.course is not None:  # tokens carry the waypoints
             assert self._disturbances is not None, "made before"
-            self.course.release(self.fleet.began + self._limit, self.fleet.began + self._disturbances.next)
+            self.course.release(
+                self.fleet.began + self._limit, self.fleet.began + self._disturbances.next
+            )
             return
 
         def arrived() -> bool:
-            return all(robot.queue and robot.queue.received >= len(robot.visits) for robot in self.fleet.robots)
+            return all(
+                robot.queue and robot.queue.received >= len(robot.visits)
+                for robot in self.fleet.robots
+            )
 
-        self.wait_for(arrived, "the waypoints' arrival at the robots", "waypoints received", _DELIVERY)
+        self.wait_for(
+            arrived, "the waypoints' arrival at the robots", "waypoints received", _DELIVERY
+        )
 
     def _choose_waypoints(self) -> None:
         self.seen.read_map()
@@ -124,7 +141,9 @@ class Demo(FleetRun):
         assert floor is not None, "just waited for"
         starts = [robot.pose for robot in self.fleet.robots if robot.pose]
         rng = np.random.default_rng(self._config.seed)
-        legs = fleet_waypoints(floor, starts, WaypointConfig(count=self._config.waypoints), rng, self._config.goals)
+        legs = fleet_waypoints(
+            floor, starts, WaypointConfig(count=self._config.waypoints), rng, self._config.goals
+        )
         with self.lock:
             for robot, own in zip(self.fleet.robots, legs, strict=True):
                 robot.assign(own)

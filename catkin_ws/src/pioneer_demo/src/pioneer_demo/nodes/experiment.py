@@ -83,7 +83,9 @@ def _prepared(config: ExperimentConfig) -> tuple[Study, dict[str, Scenario], dic
                 raise DocumentError(f": it is equal to variant {same}")
         except DocumentError as error:
             text = f"variant {name}: {str(error).partition(': ')[2]}"
-            raise located(DocumentError(text, "variants", name, *error.place), config.study, lines) from None
+            raise located(
+                DocumentError(text, "variants", name, *error.place), config.study, lines
+            ) from None
         scenarios[name] = scenario
         texts[name] = yaml.safe_dump({**whole, **_with_paths(scenario, whole)})
     return study, scenarios, texts
@@ -93,8 +95,13 @@ def _with_paths(said: Scenario, content: Mapping[str, Any]) -> dict[str, Any]:
     """Returns the fields that name files, with absolute paths: a run has its scenario in another folder."""
     fields: dict[str, Any] = {"world": said.world, "navigation": said.navigation}
     if not isinstance(said.robots, int):
-        files = [{name: getattr(one, name) for name in ("description", "navigation")} for one in said.robots]
-        fields["robots"] = [{**one, **own} for one, own in zip(content["robots"], files, strict=True)]
+        files = [
+            {name: getattr(one, name) for name in ("description", "navigation")}
+            for one in said.robots
+        ]
+        fields["robots"] = [
+            {**one, **own} for one, own in zip(content["robots"], files, strict=True)
+        ]
     return fields
 
 
@@ -114,13 +121,22 @@ def _run(
         rows = {run: json.loads(path.read_text()) for run, path in paths.items() if path.is_file()}
         missing = [run for run in paths if run not in rows]
         if rows:
-            print(f"{len(rows)} of {len(rows) + len(missing)} runs exist in {folder / 'runs'}", flush=True)
+            print(
+                f"{len(rows)} of {len(rows) + len(missing)} runs exist in {folder / 'runs'}",
+                flush=True,
+            )
         failures = _do(config, study, texts, missing, rows, interrupt) if missing else []
         for line in failures:
             print(f"not done: {line}")
         if rows:
             command = ["./pioneer", "experiment", str(config.study), "--runs", str(study.runs)]
-            write_report(study, [rows[run] for run in sorted(rows)], folder, config.study.stem, shlex.join(command))
+            write_report(
+                study,
+                [rows[run] for run in sorted(rows)],
+                folder,
+                config.study.stem,
+                shlex.join(command),
+            )
             print(f"Written: runs.csv, summary.json and report.html in {folder}")
         return 1 if failures else 0
 
@@ -135,13 +151,19 @@ def _do(
     done = 0
     shown = 0.0
     program = shlex.split(study.program)
-    keep = {run: str(folder.resolve() / "reports" / run.name) if config.keep else "" for run in missing}
+    keep = {
+        run: str(folder.resolve() / "reports" / run.name) if config.keep else "" for run in missing
+    }
     with (
-        tempfile.TemporaryDirectory(prefix="scratch-", dir=folder, ignore_cleanup_errors=True) as scratch,
+        tempfile.TemporaryDirectory(
+            prefix="scratch-", dir=folder, ignore_cleanup_errors=True
+        ) as scratch,
         Cluster(config.scheduler, config.jobs, Path(scratch), interrupt) as cluster,
     ):
         print(f"{len(missing)} runs, {cluster.workers} at a time", flush=True)
-        for result in cluster.results(program, {run: texts[run.variant] for run in missing}, keep, _POLL):
+        for result in cluster.results(
+            program, {run: texts[run.variant] for run in missing}, keep, _POLL
+        ):
             interrupt.check()
             if result is not None:
                 run, row = result
@@ -159,7 +181,9 @@ def _do(
     return failures
 
 
-def _check_same(path: Path, texts: Mapping[str, str], program: str, files: Mapping[str, str]) -> None:
+def _check_same(
+    path: Path, texts: Mapping[str, str], program: str, files: Mapping[str, str]
+) -> None:
     """Records the study's content in the folder.
 
     Raises:
@@ -173,9 +197,15 @@ def _check_same(path: Path, texts: Mapping[str, str], program: str, files: Mappi
     if known == content:
         return
     if {**known, "files": files} != content:
-        raise OptionError(f"the runs in {path.parent} are of another scenario or other variants: give another --output")
-    changed = sorted(name for name in {*files, *known["files"]} if files.get(name) != known["files"].get(name))
-    raise OptionError(f"{changed[0]} has changed since the runs in {path.parent}: restore it, or give another --output")
+        raise OptionError(
+            f"the runs in {path.parent} are of another scenario or other variants: give another --output"
+        )
+    changed = sorted(
+        name for name in {*files, *known["files"]} if files.get(name) != known["files"].get(name)
+    )
+    raise OptionError(
+        f"{changed[0]} has changed since the runs in {path.parent}: restore it, or give another --output"
+    )
 
 
 def _write(path: Path, content: Mapping[str, Any]) -> None:

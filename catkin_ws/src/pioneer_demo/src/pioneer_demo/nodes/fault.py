@@ -11,7 +11,13 @@ from gazebo_msgs.msg import ModelState
 from gazebo_msgs.srv import DeleteModel, SetModelState, SpawnModel
 from geometry_msgs.msg import Point, Pose, Quaternion
 
-from pioneer_demo.core.command import HUB_COMMAND, HUB_GATEWAY_COMMAND, gateway_name, master_uri, on_computer
+from pioneer_demo.core.command import (
+    HUB_COMMAND,
+    HUB_GATEWAY_COMMAND,
+    gateway_name,
+    master_uri,
+    on_computer,
+)
 from pioneer_demo.core.error import FaultError
 from pioneer_demo.core.link import Condition
 from pioneer_demo.core.option import DemoConfig
@@ -94,17 +100,27 @@ class FaultRunner:
             robots = self._config.names if fault.freeze == BASE else [fault.freeze]
             return lambda: self._withhold(robots, True), lambda: self._withhold(robots, False)
         if fault.freeze:
-            gateway = HUB_GATEWAY_COMMAND if fault.freeze == BASE else gateway_name(self._number(fault.freeze))
+            gateway = (
+                HUB_GATEWAY_COMMAND
+                if fault.freeze == BASE
+                else gateway_name(self._number(fault.freeze))
+            )
             return lambda: self._freeze(gateway, True), lambda: self._freeze(gateway, False)
         if fault.blind:
-            return lambda: self._flip_scans(fault.blind, True), lambda: self._flip_scans(fault.blind, False)
+            return lambda: self._flip_scans(fault.blind, True), lambda: self._flip_scans(
+                fault.blind, False
+            )
         if fault.link:
             networks = self._run.processes.networks
-            return lambda: networks.set(fault.link, fault.condition), lambda: networks.set(fault.link, Condition())
+            return lambda: networks.set(fault.link, fault.condition), lambda: networks.set(
+                fault.link, Condition()
+            )
         if fault.move:
             return lambda: self._move(fault.move, fault.to), None
         name = f"door_{next(self._numbers)}"
-        return lambda: self._close_door(name, fault.door), lambda: _ask("delete_model", DeleteModel, name)
+        return lambda: self._close_door(name, fault.door), lambda: _ask(
+            "delete_model", DeleteModel, name
+        )
 
     def _number(self, robot: str) -> int:
         return self._config.names.index(robot) + 1
@@ -120,7 +136,9 @@ class FaultRunner:
             self._run.processes.kill(names)
         else:
             self._run.course.take_part(whom, False)
-            self._schedule(self._now + 2 * _EXACT, partial(self._run.processes.kill, names))  # in the next period
+            self._schedule(
+                self._now + 2 * _EXACT, partial(self._run.processes.kill, names)
+            )  # in the next period
 
     def _restart(self, whom: str, names: Sequence[str]) -> None:
         if self._run.course is not None and not (self._hub_runs or whom == HUB):
@@ -164,8 +182,14 @@ class FaultRunner:
             return
         port = self._run.processes.ports.robot_masters[self._number(robot) - 1]
         argv = ["rosrun", "rocon_flip", "flip_remote_subscriber.py", robot, laser, ""]
-        environment = {"ROS_IP": "127.0.0.1", "ROS_MASTER_URI": master_uri(port), "ROBOT_NAME": robot}
-        self._run.processes.run(f"flip of {robot}'s scans", [*argv, *(["--cancel"] if cancel else [])], environment)
+        environment = {
+            "ROS_IP": "127.0.0.1",
+            "ROS_MASTER_URI": master_uri(port),
+            "ROBOT_NAME": robot,
+        }
+        self._run.processes.run(
+            f"flip of {robot}'s scans", [*argv, *(["--cancel"] if cancel else [])], environment
+        )
 
     def _move(self, robot: str, to: Sequence[float]) -> None:
         with self._run.lock:

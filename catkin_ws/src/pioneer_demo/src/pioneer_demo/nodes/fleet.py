@@ -44,7 +44,9 @@ _GRACE, _GRACE_IN_A_HURRY = 30.0, 3.0
 class FleetRun:
     """One fleet on this machine."""
 
-    def __init__(self, config: FleetConfig, watch: Stopwatch, interrupt: Interrupt, processes: FleetProcesses) -> None:
+    def __init__(
+        self, config: FleetConfig, watch: Stopwatch, interrupt: Interrupt, processes: FleetProcesses
+    ) -> None:
         """Takes ``processes`` that are already started; ``stop`` ends them."""
         #: processes: the fleet's processes
         self.processes, self.watch = processes, watch
@@ -54,7 +56,9 @@ class FleetRun:
         self.fleet = Fleet(list(map(RobotTrack, config.names)))  #: its state; guarded by ``lock``
         self.lock = threading.Lock()
         self.display = Display()
-        self.observer: ObserverNode | None = None  #: its node on the hub gateway's master; None until that master runs
+        self.observer: ObserverNode | None = (
+            None  #: its node on the hub gateway's master; None until that master runs
+        )
         #: controls simulated time of a demo in lockstep; None until the observer runs, and without lockstep
         self.course: Course | None = None
         self._flips: FlipRequest | None = None
@@ -81,19 +85,38 @@ class FleetRun:
             StartError: start-up timed out.
         """
         uri = master_uri(self.processes.ports.hub_gateway_master)
-        self._starting(lambda: is_running(uri, _LOOK), "Hub_Gateway's ROS master", "hub gateway's master up")
+        self._starting(
+            lambda: is_running(uri, _LOOK), "Hub_Gateway's ROS master", "hub gateway's master up"
+        )
         flipped = self._join_ros(uri, topics, recording)
         simulator, robots = self.fleet.simulator, self.fleet.robots
         self._starting(lambda: simulator.ready, "the simulator", "simulator ready")
         if self.course is not None:
-            self.wait_for(self.course.stands.is_set, "all nodes in lockstep", "nodes in lockstep", self.patience)
-        self._starting(lambda: all(robot.pose for robot in robots), "the robots' spawning", "robots spawned")
+            self.wait_for(
+                self.course.stands.is_set,
+                "all nodes in lockstep",
+                "nodes in lockstep",
+                self.patience,
+            )
+        self._starting(
+            lambda: all(robot.pose for robot in robots), "the robots' spawning", "robots spawned"
+        )
         meanwhile()
         self._starting(flipped, "the hub gateway's flips", "flips accepted")
-        self._starting(lambda: all(robot.localised for robot in robots), "amcl on each robot", "robots localised")
-        self._starting(lambda: all(robot.queue for robot in robots), "each robot's waypoint client", "clients up")
         self._starting(
-            lambda: all(map(self.seen.can_be_sent, robots)), "the way back to each robot", "robots connected"
+            lambda: all(robot.localised for robot in robots),
+            "amcl on each robot",
+            "robots localised",
+        )
+        self._starting(
+            lambda: all(robot.queue for robot in robots),
+            "each robot's waypoint client",
+            "clients up",
+        )
+        self._starting(
+            lambda: all(map(self.seen.can_be_sent, robots)),
+            "the way back to each robot",
+            "robots connected",
         )
 
     def stay_up(self) -> NoReturn:
@@ -112,7 +135,9 @@ class FleetRun:
         assert self.observer is not None, "only after start"
         return self.observer
 
-    def wait_for(self, condition: Callable[[], object], what: str, milestone: str, timeout: float) -> None:
+    def wait_for(
+        self, condition: Callable[[], object], what: str, milestone: str, timeout: float
+    ) -> None:
         """Waits for a condition and shows ``what`` is awaited; a process's death or Ctrl-C aborts the wait.
 
         Raises:
@@ -124,7 +149,9 @@ class FleetRun:
             waited = time.monotonic() - began
             if waited > timeout:
                 flips = self.observer.waiting_flips() if self.observer else []
-                raise StartError("; ".join([f"timed out after {waited:.0f} s waiting for {what}", *flips]))
+                raise StartError(
+                    "; ".join([f"timed out after {waited:.0f} s waiting for {what}", *flips])
+                )
             self.look(lambda fleet: [f"{self.watch.seconds():5.1f} s  {step}{phase} …"], phase)
         self.watch.note(milestone)
 
@@ -147,7 +174,9 @@ class FleetRun:
         """Starts processes that only watch the fleet again when they die, unless they keep dying."""
         for death in self.processes.group.take_restartable_deaths():
             if self._relapses.died(death.name, death.name, death.headline, time.monotonic()):
-                self._lost.append(f"{death.name} keeps dying and is not started again: {death.headline}")
+                self._lost.append(
+                    f"{death.name} keeps dying and is not started again: {death.headline}"
+                )
                 self.display.say(f"{death}\n{self._lost[-1]}")
             else:
                 self.display.say(f"{death.headline} and is started again")
@@ -182,9 +211,15 @@ class FleetRun:
         """Time-out for each start-up step [s]."""
         return _START_UP + _START_UP_PER_ROBOT * self._config.robots
 
-    def _join_ros(self, uri: str, topics: Sequence[str], recording: Recording | None) -> Callable[[], bool]:
+    def _join_ros(
+        self, uri: str, topics: Sequence[str], recording: Recording | None
+    ) -> Callable[[], bool]:
         """Starts the observer; returns a function that tells whether its flips are accepted."""
-        os.environ.update(ROS_MASTER_URI=uri, ROS_IP="127.0.0.1", ROS_LOG_DIR=str(self._config.log.resolve() / "ros"))
+        os.environ.update(
+            ROS_MASTER_URI=uri,
+            ROS_IP="127.0.0.1",
+            ROS_LOG_DIR=str(self._config.log.resolve() / "ros"),
+        )
         keep_publisher_updates()
         rospy.init_node(OBSERVER, disable_signals=True)
         if self._config.rings:
@@ -208,7 +243,9 @@ class FleetRun:
         with self.lock:
             faults = self._faults()
             ports = self.processes.ports
-            status = fleet_status(self.fleet, self._config, ports, self._phase, faults, time.monotonic())
+            status = fleet_status(
+                self.fleet, self._config, ports, self._phase, faults, time.monotonic()
+            )
         if self._entry is not None:
             self._entry.write({**status, "started": self._started})
         self._sampled = time.monotonic()

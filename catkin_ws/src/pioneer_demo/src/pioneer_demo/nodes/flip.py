@@ -17,7 +17,11 @@ STATE = ("map_goal_client/queue", "move_base/state")
 """Topics of each robot that every fleet flips, in addition to /tf."""
 COURSE = (*STATE, "move_base/NavfnROS/plan", "move_base/status")
 """Topics that a demo flips, for its picture and for reports about stuck robots."""
-_NOT_YET = (ErrorCodes.NO_HUB_CONNECTION, ErrorCodes.HUB_CONNECTION_LOST, ErrorCodes.REMOTE_GATEWAY_NOT_VISIBLE)
+_NOT_YET = (
+    ErrorCodes.NO_HUB_CONNECTION,
+    ErrorCodes.HUB_CONNECTION_LOST,
+    ErrorCodes.REMOTE_GATEWAY_NOT_VISIBLE,
+)
 
 
 class FlipRequest(threading.Thread):
@@ -59,7 +63,9 @@ class FlipRequest(threading.Thread):
                 self._accepted = answer.result == ErrorCodes.SUCCESS
                 if not self._accepted and answer.result not in _NOT_YET:
                     reason = f"{answer.error_message} ({answer.result})"
-                    self._error = FlipError(f"the hub gateway refused the observer's flips: {reason}")
+                    self._error = FlipError(
+                        f"the hub gateway refused the observer's flips: {reason}"
+                    )
             if not self._accepted:
                 self._cancelled.wait(_RETRY)
 
@@ -67,7 +73,12 @@ class FlipRequest(threading.Thread):
 def _rules(node: str, robots: Sequence[str], names: Sequence[str]) -> list[RemoteRule]:
     rules = []
     for number, robot in enumerate(robots, 1):
-        topics = [(ConnectionType.SUBSCRIBER, topic) for topic in ("/tf", *(f"/{robot}/{name}" for name in names))]
+        topics = [
+            (ConnectionType.SUBSCRIBER, topic)
+            for topic in ("/tf", *(f"/{robot}/{name}" for name in names))
+        ]
         for kind, topic in (*topics, (ConnectionType.PUBLISHER, f"/{robot}/map_goal")):
-            rules.append(RemoteRule(gateway_name(number), Rule(type=kind, name=topic, node=f"/{node}")))
+            rules.append(
+                RemoteRule(gateway_name(number), Rule(type=kind, name=topic, node=f"/{node}"))
+            )
     return rules

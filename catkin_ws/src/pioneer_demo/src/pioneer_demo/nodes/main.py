@@ -63,7 +63,11 @@ def main(words: Sequence[str], interrupt: Interrupt) -> int:
         mute()
         return _FAILED
     except (DemoError, HarnessError, OSError) as error:
-        text = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
+        text = (
+            f"{error.filename}: {error.strerror}"
+            if isinstance(error, OSError) and error.filename
+            else str(error)
+        )
         print(f"pioneer {command}: {text}", file=sys.stderr)
         return _BAD_ARGUMENTS if isinstance(error, OptionError) else _FAILED
 
@@ -71,9 +75,16 @@ def main(words: Sequence[str], interrupt: Interrupt) -> int:
 def _run(config: FleetConfig, watch: Stopwatch, interrupt: Interrupt) -> int:
     with FleetProcesses(config) as processes:
         ports = processes.ports
-        print(f"Ports: {ports}" + ("" if ports.are_the_tutorials else " (some of the tutorial's are busy)"), flush=True)
+        print(
+            f"Ports: {ports}"
+            + ("" if ports.are_the_tutorials else " (some of the tutorial's are busy)"),
+            flush=True,
+        )
         if config.web:
-            print(f"Fleet page, once it is up: http://127.0.0.1:{ports.page}/#{config.token}", flush=True)
+            print(
+                f"Fleet page, once it is up: http://127.0.0.1:{ports.page}/#{config.token}",
+                flush=True,
+            )
         if config.choice:
             print(config.choice, flush=True)
         processes.start()
@@ -171,7 +182,10 @@ def _made_output(config: FleetConfig) -> tuple[FleetConfig, FolderLock]:
             if not config.has_default_output:
                 raise OptionError(f"{config.output[0]}: {error}") from None
             own = config.with_output(first.with_name(f"{first.name}-{number}"))
-            print(f"{error.folder} is in use by {error.owner}: this {config.output[0].strip('-')} goes to", end=" ")
+            print(
+                f"{error.folder} is in use by {error.owner}: this {config.output[0].strip('-')} goes to",
+                end=" ",
+            )
             print(own.output[1], flush=True)
     for name, content in written_files(own).items():
         (own.log / name).write_text(yaml.safe_dump(content))
@@ -186,7 +200,9 @@ def _locked(config: FleetConfig) -> FolderLock:
     except FileExistsError:
         raise OptionError(f"{option} must be a folder; {folder} is a file") from None
     except OSError as error:
-        raise OptionError(f"{option}: cannot create the folder {folder} ({error.strerror})") from None
+        raise OptionError(
+            f"{option}: cannot create the folder {folder} ({error.strerror})"
+        ) from None
     _check_folder(option, folder)
     return FolderLock(config.log)
 

@@ -55,7 +55,9 @@ class ObserverNode:
     On error: no errors of its own; missing data stays unknown in the fleet.
     """
 
-    def __init__(self, fleet: Fleet, lock: threading.Lock, recording: Recording | None = None) -> None:
+    def __init__(
+        self, fleet: Fleet, lock: threading.Lock, recording: Recording | None = None
+    ) -> None:
         """Subscribes to all topics, to scans only for a ``recording``; the caller initialises the node."""
         self._fleet, self._lock, self._recording = fleet, lock, recording
         self._mounts: dict[str, Pose] = {}
@@ -65,7 +67,8 @@ class ObserverNode:
         self._frames = {f"{robot.name}/{_ODOM}": robot for robot in fleet.robots}
         self._bases = {f"{robot.name}/{_BASE}": robot for robot in fleet.robots}
         self._goals = {
-            robot.name: rospy.Publisher(f"/{robot.name}/map_goal", Twist, queue_size=100) for robot in fleet.robots
+            robot.name: rospy.Publisher(f"/{robot.name}/map_goal", Twist, queue_size=100)
+            for robot in fleet.robots
         }
         # One invalid transform does not cost the others of its message.
         self._take_transform = tolerant("/tf", self._on_transform)
@@ -94,7 +97,9 @@ class ObserverNode:
         """Returns topic and state of each of the observer's flips that is not accepted yet."""
         with self._lock:
             accepted = RemoteRuleWithStatus.ACCEPTED
-            return [f"{rule}: {status}" for rule, status in self.flips.items() if status != accepted]
+            return [
+                f"{rule}: {status}" for rule, status in self.flips.items() if status != accepted
+            ]
 
     def _subscribe_robot(self, robot: RobotTrack) -> None:
         topics = {
@@ -111,7 +116,9 @@ class ObserverNode:
             self._subscribe(f"/{robot.name}/{topic}", kind, functools.partial(callback, robot))
 
     def _subscribe(self, topic: str, kind: Any, callback: Any) -> None:
-        rospy.Subscriber(topic, kind, tolerant(topic, self._locked), callback, queue_size=100, tcp_nodelay=True)
+        rospy.Subscriber(
+            topic, kind, tolerant(topic, self._locked), callback, queue_size=100, tcp_nodelay=True
+        )
 
     def _locked(self, message: Any, callback: Any) -> None:
         with self._lock:
@@ -131,7 +138,9 @@ class ObserverNode:
         self._fleet.simulator.real_time_factor = message.data
 
     def _on_gateway_info(self, message: GatewayInfo) -> None:
-        ours = [remote for remote in message.flip_watchlist if remote.rule.node.strip("/") == OBSERVER]
+        ours = [
+            remote for remote in message.flip_watchlist if remote.rule.node.strip("/") == OBSERVER
+        ]
         known = {_key(flip.remote_rule): flip.status for flip in message.flipped_connections}
         self.flips = {_key(remote): known.get(_key(remote), "not connected") for remote in ours}
 

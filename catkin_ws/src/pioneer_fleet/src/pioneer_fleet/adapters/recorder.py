@@ -36,7 +36,9 @@ class Recorder:
     def __init__(self, path: Path, masters: Mapping[str, str]) -> None:
         """``masters`` maps names to master URIs."""
         self._masters = {name: Client(uri, NAME) for name, uri in masters.items()}
-        self._writer: BagFile | McapFile = BagFile(path) if path.suffix == ".bag" else McapFile(path)
+        self._writer: BagFile | McapFile = (
+            BagFile(path) if path.suffix == ".bag" else McapFile(path)
+        )
         self._connected: set[tuple[str, str, str]] = set()
         self._proxies: set[tuple[str, str]] = set()
         self._waiting: queue.Queue[Message | None] = queue.Queue(_WAITING)
@@ -82,20 +84,26 @@ class Recorder:
         except (OSError, TcprosError):
             return  # the publisher has just ended; the next poll will notice
         self._connected.add(key)
-        threading.Thread(target=self._receive, args=(key, connection), name=topic, daemon=True).start()
+        threading.Thread(
+            target=self._receive, args=(key, connection), name=topic, daemon=True
+        ).start()
 
     def _receive(self, key: tuple[str, str, str], connection: Connection) -> None:
         name, topic, _ = key
         header = connection.header
         latching = header.get("latching") == "1"
-        kind = Kind(header["type"], header["md5sum"], header.get("message_definition", ""), latching)
+        kind = Kind(
+            header["type"], header["md5sum"], header.get("message_definition", ""), latching
+        )
         connection.be_patient()
         try:
             with connection:
                 while True:
                     data = connection.read_frame()
                     try:
-                        self._waiting.put_nowait(Message(f"/{name}{topic}", kind, time.time_ns(), data))
+                        self._waiting.put_nowait(
+                            Message(f"/{name}{topic}", kind, time.time_ns(), data)
+                        )
                     except queue.Full:
                         self.dropped += 1
         except OSError:

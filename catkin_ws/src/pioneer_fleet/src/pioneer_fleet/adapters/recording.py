@@ -19,7 +19,11 @@ class Kind(NamedTuple):
 
     def message_class(self, *bases: Any) -> Any:
         """Returns a class for its serialised messages."""
-        return type("Raw", bases, {"_type": self.type, "_md5sum": self.md5sum, "_full_text": self.definition})
+        return type(
+            "Raw",
+            bases,
+            {"_type": self.type, "_md5sum": self.md5sum, "_full_text": self.definition},
+        )
 
 
 class Message(NamedTuple):
@@ -53,9 +57,13 @@ class McapFile:
         if (topic, kind) not in self._channels:
             own = (kind.type, kind.md5sum)
             if own not in self._schemas:
-                self._schemas[own] = self._mcap.register_schema(kind.type, _ENCODING, kind.definition.encode())
+                self._schemas[own] = self._mcap.register_schema(
+                    kind.type, _ENCODING, kind.definition.encode()
+                )
             about = {"md5sum": kind.md5sum, "latching": str(int(kind.latching))}
-            self._channels[topic, kind] = self._mcap.register_channel(topic, "ros1", self._schemas[own], about)
+            self._channels[topic, kind] = self._mcap.register_channel(
+                topic, "ros1", self._schemas[own], about
+            )
         self._mcap.add_message(self._channels[topic, kind], time, data, time)
 
     def close(self) -> None:
@@ -81,7 +89,9 @@ class BagFile:
         header = {"topic": message.topic, "type": kind.type, "md5sum": kind.md5sum}
         header |= {"message_definition": kind.definition, "latching": str(int(kind.latching))}
         raw = (kind.type, message.data, kind.md5sum, known)
-        self._bag.write(message.topic, raw, self._time(0, message.time), raw=True, connection_header=header)
+        self._bag.write(
+            message.topic, raw, self._time(0, message.time), raw=True, connection_header=header
+        )
 
     def close(self) -> None:
         """Completes the file."""
@@ -122,7 +132,9 @@ def contents(path: Path) -> Contents:
         if summary is None or summary.statistics is None:
             raise RecordingError(f"{path} has no index")
         topics = sorted(channel.topic for channel in summary.channels.values())
-        return Contents(summary.statistics.message_start_time, summary.statistics.message_end_time, topics)
+        return Contents(
+            summary.statistics.message_start_time, summary.statistics.message_end_time, topics
+        )
 
 
 def messages_since(path: Path, since: int) -> Iterator[Message]:
@@ -157,7 +169,12 @@ def _messages(rows: Iterable[tuple[Any, Any, Any]]) -> Iterator[Message]:
     for schema, channel, message in rows:
         if schema is not None and schema.encoding == _ENCODING:
             about: Mapping[str, str] = channel.metadata
-            kind = Kind(schema.name, about.get("md5sum", "*"), schema.data.decode(), about.get("latching") == "1")
+            kind = Kind(
+                schema.name,
+                about.get("md5sum", "*"),
+                schema.data.decode(),
+                about.get("latching") == "1",
+            )
             yield Message(channel.topic, kind, message.log_time, message.data)
 
 
@@ -166,8 +183,13 @@ def _of_bag(path: Path) -> Iterator[Message]:
 
     try:
         with rosbag.Bag(str(path)) as bag:
-            for topic, raw, time, header in bag.read_messages(raw=True, return_connection_header=True):
-                text = {key: value.decode() if isinstance(value, bytes) else value for key, value in header.items()}
+            for topic, raw, time, header in bag.read_messages(
+                raw=True, return_connection_header=True
+            ):
+                text = {
+                    key: value.decode() if isinstance(value, bytes) else value
+                    for key, value in header.items()
+                }
                 kind = Kind(raw[0], raw[2], text["message_definition"], text.get("latching") == "1")
                 yield Message(topic, kind, time.to_nsec(), raw[1])
     except rosbag.ROSBagException as error:

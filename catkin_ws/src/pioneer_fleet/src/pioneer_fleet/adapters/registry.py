@@ -35,7 +35,9 @@ class Entry:
         self._path = folder / f"{os.getpid()}.json"
         unlocked = self._path.with_suffix(".unlocked")
         unlocked.unlink(missing_ok=True)
-        self._lock = os.open(unlocked, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+        self._lock = os.open(
+            unlocked, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600
+        )
         fcntl.flock(self._lock, fcntl.LOCK_EX)
         unlocked.rename(self._path.with_suffix(".lock"))
 
@@ -43,7 +45,9 @@ class Entry:
         """Publishes the fleet's status, a value for ``json.dumps``, atomically."""
         new = self._path.with_suffix(".new")
         new.unlink(missing_ok=True)
-        with open(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o600), "w") as file:
+        with open(
+            os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o600), "w"
+        ) as file:
             json.dump({**status, "pid": os.getpid(), "written": time.monotonic()}, file)
         new.replace(self._path)
 
@@ -104,7 +108,9 @@ def _own_folder() -> Path:
             if _is_own(folder):
                 return folder
     named = " or ".join(map(str, _folders()))
-    raise RegistryError(f"{named} must belong to this user, with mode 0700: remove it, or set XDG_RUNTIME_DIR")
+    raise RegistryError(
+        f"{named} must belong to this user, with mode 0700: remove it, or set XDG_RUNTIME_DIR"
+    )
 
 
 def _is_own(folder: Path) -> bool:

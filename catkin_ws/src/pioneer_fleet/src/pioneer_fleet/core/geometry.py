@@ -35,7 +35,9 @@ class Pose:
         """Returns the interpolated pose at fraction ``part`` (0 … 1) towards ``other``, turning the shorter way."""
         turn = normalised(other.yaw - self.yaw)
         return Pose(
-            self.x + part * (other.x - self.x), self.y + part * (other.y - self.y), normalised(self.yaw + part * turn)
+            self.x + part * (other.x - self.x),
+            self.y + part * (other.y - self.y),
+            normalised(self.yaw + part * turn),
         )
 
 

@@ -15,9 +15,15 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     made.add_argument("file", type=Path, metavar="FILE", help="a recording, .mcap or .bag")
-    made.add_argument("--rate", type=float, default=1.0, metavar="R", help="recorded seconds a second (default 1)")
-    made.add_argument("--stay", action="store_true", help="keep the master, with its latched topics, until Ctrl-C")
     made.add_argument(
-        "--web", action="store_true", help="show it in the browser, with a slider (docs/web.md); keeps it"
+        "--rate", type=float, default=1.0, metavar="R", help="recorded seconds a second (default 1)"
+    )
+    made.add_argument(
+        "--stay", action="store_true", help="keep the master, with its latched topics, until Ctrl-C"
+    )
+    made.add_argument(
+        "--web",
+        action="store_true",
+        help="show it in the browser, with a slider (docs/web.md); keeps it",
     )
     return made

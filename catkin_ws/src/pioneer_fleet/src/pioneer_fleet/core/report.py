@@ -30,7 +30,9 @@ class Report(RobotMonitor):
     robot: str = ""  #: the robot driven from here; empty on the base station
     gateway: str = ""  #: the gateway's name
     hub: str = ""  #: the hub that the gateway is connected to; empty for none
-    rules: dict[str, str] = dataclasses.field(default_factory=dict)  #: state of each rule, by its description
+    rules: dict[str, str] = dataclasses.field(
+        default_factory=dict
+    )  #: state of each rule, by its description
     #: real_time_factor, models: the simulator's, on the base station
     real_time_factor: float | None = None
     models: tuple[str, ...] = ()
@@ -69,7 +71,11 @@ class Report(RobotMonitor):
             return f"{self.gateway} has not found the hub"
         if not self.rules:
             return "no rules yet"
-        idle = [f"{about}: {state}" for about, state in sorted(self.rules.items()) if state not in CARRYING]
+        idle = [
+            f"{about}: {state}"
+            for about, state in sorted(self.rules.items())
+            if state not in CARRYING
+        ]
         if idle:
             return idle[0] + (f" (and {len(idle) - 1} more)" if len(idle) > 1 else "")
         if not self.robot:
@@ -83,7 +89,12 @@ class Report(RobotMonitor):
     def has_come(self, until: Stage) -> bool:
         """Returns whether stage ``until`` is reached; a robot that stands at its last waypoint counts as moving."""
         queue = self.queue
-        has_driven = self.stage is Stage.READY and queue is not None and queue.reached > 0 and not queue.waiting
+        has_driven = (
+            self.stage is Stage.READY
+            and queue is not None
+            and queue.reached > 0
+            and not queue.waiting
+        )
         return self.stage >= until or (until is Stage.MOVING and has_driven)
 
     def has_arrived(self, count: int) -> bool:
@@ -118,7 +129,9 @@ def states_of(rules: Iterable[Mapping[str, str]]) -> dict[str, str]:
     """
     states = {}
     for rule in rules:
-        about = " ".join(rule[key] for key in ("action", "gateway", "type", "name", "node") if rule.get(key))
+        about = " ".join(
+            rule[key] for key in ("action", "gateway", "type", "name", "node") if rule.get(key)
+        )
         if rule["state"] in CARRYING or not rule.get("node"):
             states[about] = rule["state"]
     return states

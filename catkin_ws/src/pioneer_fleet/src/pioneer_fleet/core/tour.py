@@ -22,6 +22,9 @@ def places_from_mapping(parameters: Mapping[str, object]) -> list[Place]:
     Ignores entries that are not initial poses.
     """
     found: list[Place] = []
-    while isinstance(entry := parameters.get(f"pioneer{len(found) + 1}"), Mapping) and {"x", "y", "a"} <= entry.keys():
+    while (
+        isinstance(entry := parameters.get(f"pioneer{len(found) + 1}"), Mapping)
+        and {"x", "y", "a"} <= entry.keys()
+    ):
         found.append((float(entry["x"]), float(entry["y"]), float(entry["a"])))
     return found

@@ -36,7 +36,9 @@ class Pace:
             self._looked = now
             if self.at >= due:
                 return True
-            self._end.wait(_SLICE if self.paused else min(_SLICE, (due - self.at) / 1e9 / self._rate))
+            self._end.wait(
+                _SLICE if self.paused else min(_SLICE, (due - self.at) / 1e9 / self._rate)
+            )
         return False
 
 
@@ -69,5 +71,8 @@ class Replay:
         key = (topic, message.kind)
         if key not in self._publishers:
             raw = message.kind.message_class(rospy.AnyMsg)
-            self._publishers[key] = rospy.Publisher(topic, raw, queue_size=100, latch=message.kind.latching), raw
+            self._publishers[key] = (
+                rospy.Publisher(topic, raw, queue_size=100, latch=message.kind.latching),
+                raw,
+            )
         return self._publishers[key]

@@ -39,7 +39,10 @@ def main(words: Sequence[str]) -> int:
                 with ReplayPage(options.file, pace) as page:
                     page.play(Replay(pace), end)
             else:
-                print(f"{Replay(pace).play(messages_of(options.file))} messages were published", flush=True)
+                print(
+                    f"{Replay(pace).play(messages_of(options.file))} messages were published",
+                    flush=True,
+                )
                 if options.stay:
                     end.wait()
             rospy.signal_shutdown("the recording has ended")

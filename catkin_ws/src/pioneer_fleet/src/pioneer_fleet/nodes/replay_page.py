@@ -40,11 +40,15 @@ class ReplayPage:
     def __init__(self, path: Path, pace: Pace) -> None:
         self._path, self._pace = path, pace
         self._begin, self._end, topics = contents(path)
-        robots = {found[1] for topic in topics if (found := re.fullmatch(r"/base/([^/]+)/odom", topic))}
+        robots = {
+            found[1] for topic in topics if (found := re.fullmatch(r"/base/([^/]+)/odom", topic))
+        }
         if not robots:
             raise RecordingError(f"{path} has no robot's odometry of the base station")
         rospy.set_param("/robot_names", sorted(robots, key=lambda name: (len(name), name)))
-        self._position = rospy.Publisher("/replay/position", Float64MultiArray, queue_size=1, latch=True)
+        self._position = rospy.Publisher(
+            "/replay/position", Float64MultiArray, queue_size=1, latch=True
+        )
         rospy.Subscriber("/replay/seek", Float64, self._on_seek)
         rospy.Service("/gazebo/pause_physics", Empty, lambda _: self._pause(True))
         rospy.Service("/gazebo/unpause_physics", Empty, lambda _: self._pause(False))
@@ -53,7 +57,9 @@ class ReplayPage:
     def __enter__(self) -> "ReplayPage":
         port, token = self._ports.take(_PORT), secrets.token_urlsafe(16)
         environment = {**os.environ, "PIONEER_WEB_TOKEN": token}
-        self._group.start("fleet page", ["rosrun", "pioneer_web", "fleet_page", f"_port:={port}"], environment)
+        self._group.start(
+            "fleet page", ["rosrun", "pioneer_web", "fleet_page", f"_port:={port}"], environment
+        )
         print(f"Fleet page, once it is up: http://127.0.0.1:{port}/#{token}", flush=True)
         return self
 
@@ -76,11 +82,15 @@ class ReplayPage:
 
     def _tell(self, end: EndRequest) -> None:
         while not end.wait(_TELL):
-            at, length = (max(0, time - self._begin) / _SECOND for time in (self._pace.at, self._end))
+            at, length = (
+                max(0, time - self._begin) / _SECOND for time in (self._pace.at, self._end)
+            )
             self._position.publish(Float64MultiArray(data=[at, length]))
 
     def _on_seek(self, message: Any) -> None:
-        self._pace.jump = max(self._begin, min(self._end, self._begin + round(_SECOND * message.data)))
+        self._pace.jump = max(
+            self._begin, min(self._end, self._begin + round(_SECOND * message.data))
+        )
 
     def _pause(self, paused: bool) -> dict[str, Any]:
         self._pace.paused = paused
@@ -89,4 +99,6 @@ class ReplayPage:
 
 def _of_the_base(messages: Iterator[Message]) -> Iterator[Message]:
     """Yields the messages, but of the gateways, whose topics all have the same names, only the base station's."""
-    return (one for one in messages if one.topic.startswith("/base/") or "/gateway/" not in one.topic)
+    return (
+        one for one in messages if one.topic.startswith("/base/") or "/gateway/" not in one.topic
+    )

@@ -47,7 +47,12 @@ class ReportNode:
 
     def __init__(self, report: Report, places: list[Place], waypoints: int, robots: int) -> None:
         """Sends the robot to ``places``; else, if it has had no goals, to so many ``waypoints`` of a fleet's tour."""
-        self._report, self._places, self._waypoints, self._robots = report, places, waypoints, robots
+        self._report, self._places, self._waypoints, self._robots = (
+            report,
+            places,
+            waypoints,
+            robots,
+        )
         self._sent, self._due = False, 0
         self._changed = threading.Condition()
         self._listen("/gateway/gateway_info", GatewayInfo, self._on_info)
@@ -74,7 +79,10 @@ class ReportNode:
             while not rospy.is_shutdown():
                 now = time.monotonic()
                 self._drive()
-                done, late = self._report.has_come(until) and self._has_arrived(arrived), now >= deadline
+                done, late = (
+                    self._report.has_come(until) and self._has_arrived(arrived),
+                    now >= deadline,
+                )
                 key = f"{self._report.stage}{self._report.lacks}"
                 if done or late or (not settled and key != printed and now - last >= LINE_EVERY):
                     _tell(self._report.as_json(now))
@@ -129,11 +137,16 @@ class ReportNode:
         self._report.hub = message.hub_names[0] if message.connected and message.hub_names else ""
 
     def _on_rules(self, message: DiagnosticArray) -> None:
-        self._report.rules = states_of({one.key: one.value for one in status.values} for status in message.status)
+        self._report.rules = states_of(
+            {one.key: one.value for one in status.values} for status in message.status
+        )
 
     def _on_odom(self, message: Odometry) -> None:
         self._report.add_odom(time.monotonic(), message.header.stamp.to_sec())
-        self._report.linear, self._report.angular = message.twist.twist.linear.x, message.twist.twist.angular.z
+        self._report.linear, self._report.angular = (
+            message.twist.twist.linear.x,
+            message.twist.twist.angular.z,
+        )
 
     def _on_scan(self, message: LaserScan) -> None:
         self._report.add_scan(time.monotonic(), message.header.stamp.to_sec())
@@ -171,17 +184,29 @@ def main() -> int:
     """Runs the command; the exit status is 0 if the goal was reached."""
     parser = argparse.ArgumentParser("report", description=(__doc__ or "").strip())
     stages = [stage.name.lower() for stage in Stage]
-    parser.add_argument("--robot", default="", help="robot driven from this computer; none on the base station")
-    parser.add_argument("--until", choices=stages, default=stages[-1], help="end once this stage is reached")
-    parser.add_argument("--arrived", type=int, default=0, help="and so many waypoints have ended, with none queued")
+    parser.add_argument(
+        "--robot", default="", help="robot driven from this computer; none on the base station"
+    )
+    parser.add_argument(
+        "--until", choices=stages, default=stages[-1], help="end once this stage is reached"
+    )
+    parser.add_argument(
+        "--arrived", type=int, default=0, help="and so many waypoints have ended, with none queued"
+    )
     parser.add_argument(
         "--to", type=_place, action="append", default=[], metavar="X,Y[,HEADING]",
         help="send the robot there [m, rad] and wait until that waypoint has ended; repeat for several places",
     )  # fmt: skip
-    parser.add_argument("--timeout", type=float, default=2.0, help="end after so many seconds at the latest")
+    parser.add_argument(
+        "--timeout", type=float, default=2.0, help="end after so many seconds at the latest"
+    )
     parser.add_argument("--settled", action="store_true", help="print the last line only")
-    parser.add_argument("--waypoints", type=int, default=0, help="send a robot without waypoints to so many places")
-    parser.add_argument("--robots", type=int, default=1, help="robots of the fleet, which share the places")
+    parser.add_argument(
+        "--waypoints", type=int, default=0, help="send a robot without waypoints to so many places"
+    )
+    parser.add_argument(
+        "--robots", type=int, default=1, help="robots of the fleet, which share the places"
+    )
     options = parser.parse_args()
     report = Report(os.environ.get("HOSTNAME", ""), options.robot)
     deadline = time.monotonic() + options.timeout
@@ -192,7 +217,11 @@ def main() -> int:
     rospy.init_node("fleet_report", anonymous=True, disable_rostime=True, log_level=rospy.ERROR)
     node = ReportNode(report, options.to, options.waypoints, options.robots)
     left = max(0.1, deadline - time.monotonic())
-    return 0 if node.follow(Stage[options.until.upper()], options.arrived, left, options.settled) else 1
+    return (
+        0
+        if node.follow(Stage[options.until.upper()], options.arrived, left, options.settled)
+        else 1
+    )
 
 
 def _master_answers(deadline: float) -> bool:

@@ -34,7 +34,9 @@ def main() -> int:
         sys.stderr.write("teleop: standard input must be a terminal\n")
         return 2
     if not rosgraph.is_master_online():
-        sys.stderr.write(f"teleop: no ROS master at {os.environ.get('ROS_MASTER_URI')}; is the fleet running?\n")
+        sys.stderr.write(
+            f"teleop: no ROS master at {os.environ.get('ROS_MASTER_URI')}; is the fleet running?\n"
+        )
         return 1
     # rospy would close the publisher before the robot has been stopped.
     rospy.init_node("teleop", anonymous=True, disable_rostime=True, disable_signals=True)
@@ -46,8 +48,12 @@ def main() -> int:
         command = Twist()
         command.linear.x, command.angular.z = steering.linear, steering.angular
         publisher.publish(command)
-        listening = "" if publisher.get_num_connections() else f"   nothing subscribes to /{robot}/cmd_vel"
-        sys.stdout.write(f"\r\033[K{steering.linear:+.1f} m/s  {steering.angular:+.1f} rad/s{listening}")
+        listening = (
+            "" if publisher.get_num_connections() else f"   nothing subscribes to /{robot}/cmd_vel"
+        )
+        sys.stdout.write(
+            f"\r\033[K{steering.linear:+.1f} m/s  {steering.angular:+.1f} rad/s{listening}"
+        )
         sys.stdout.flush()
     sys.stdout.write("\n")
     rospy.signal_shutdown("ended by its user")

@@ -16,7 +16,9 @@ def tolerant(topic: str, callback: Callable[..., None]) -> Callable[..., None]:
             callback(*arguments)
         except (ArithmeticError, LookupError, TypeError, ValueError) as error:
             if not warned:
-                rospy.logwarn("%s: messages with invalid values are ignored: %s", topic, str(error)[:200])
+                rospy.logwarn(
+                    "%s: messages with invalid values are ignored: %s", topic, str(error)[:200]
+                )
             warned = True
 
     return called

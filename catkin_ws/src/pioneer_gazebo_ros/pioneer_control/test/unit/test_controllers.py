@@ -16,7 +16,10 @@ def test_the_spawner_starts_what_is_configured_under_ros_controls_names():
     (spawner,) = LAUNCH.iter("node")
     assert (spawner.get("pkg"), spawner.get("type")) == ("controller_manager", "spawner")
     assert spawner.get("args").split() == list(CONTROLLERS)
-    assert CONTROLLERS["joint_state_controller"]["type"] == "joint_state_controller/JointStateController"
+    assert (
+        CONTROLLERS["joint_state_controller"]["type"]
+        == "joint_state_controller/JointStateController"
+    )
     assert CONTROLLERS["joint_state_controller"]["publish_rate"] == 50
 
 

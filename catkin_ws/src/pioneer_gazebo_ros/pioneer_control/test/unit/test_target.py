@@ -15,7 +15,10 @@ SUBSCRIBERS = {
     "/pioneer3/move_base/cancel": ["/estop"],
     "/elevator/cancel": ["/elevator"],
 }
-SERVICES = {"/pioneer1/map_goal_client/clear": ["/pioneer1/map_goal_client"], "/display/clear": ["/display"]}
+SERVICES = {
+    "/pioneer1/map_goal_client/clear": ["/pioneer1/map_goal_client"],
+    "/display/clear": ["/display"],
+}
 
 
 def targets() -> Targets:
@@ -23,7 +26,11 @@ def targets() -> Targets:
 
 
 def test_velocity_topics_are_found_with_and_without_namespace() -> None:
-    assert targets().commands == {"/pioneer1/pioneer/cmd_vel", "/pioneer2/pioneer/cmd_vel", "/pioneer/cmd_vel"}
+    assert targets().commands == {
+        "/pioneer1/pioneer/cmd_vel",
+        "/pioneer2/pioneer/cmd_vel",
+        "/pioneer/cmd_vel",
+    }
 
 
 def test_only_a_move_base_that_somebody_serves_counts() -> None:

@@ -14,12 +14,19 @@ LINKS = {
     "base_link", "chassis", "top_plate", "front_sonar", "back_sonar", "swivel", "center_wheel", "center_hubcap",
     "left_wheel", "right_wheel", "left_hub", "right_hub", "camera_link", "laser",
 }  # fmt: skip
-MOVING_JOINTS = {"base_left_wheel_joint", "base_right_wheel_joint", "base_swivel_joint", "swivel_hubcap_joint"}
+MOVING_JOINTS = {
+    "base_left_wheel_joint",
+    "base_right_wheel_joint",
+    "base_swivel_joint",
+    "swivel_hubcap_joint",
+}
 
 
 def expanded(*arguments):
     command = ["xacro", PACKAGE / "urdf" / "pioneer3dx.xacro", *arguments]
-    return robot_from_urdf(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    return robot_from_urdf(
+        subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    )
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +49,9 @@ def test_drive_is_set_to_the_modelled_wheels(robot):
     left, right = (robot.link(name).pose.position for name in ("left_wheel", "right_wheel"))
     assert drive.wheelSeparation == pytest.approx(left[1] - right[1])
     assert drive.wheelDiameter == pytest.approx(2 * left[2])
-    assert drive.wheelDiameter == pytest.approx(2 * robot.link("left_wheel").collisions[0].shape.radius)
+    assert drive.wheelDiameter == pytest.approx(
+        2 * robot.link("left_wheel").collisions[0].shape.radius
+    )
     assert drive.commandTopic == "pioneer/cmd_vel"
 
 
@@ -66,14 +75,21 @@ def test_body_stays_inside_the_footprint_that_navigation_plans_with(robot):
 def test_laser_settings_are_arguments():
     robot = expanded("laser_samples:=720", "laser_rate:=40", "camera:=true", "sonar:=true")
     (laser,) = robot.lasers
-    assert (laser.samples, laser.update_rate, laser.frame, laser.topic) == (720, 40.0, "laser", "base_scan")
+    assert (laser.samples, laser.update_rate, laser.frame, laser.topic) == (
+        720,
+        40.0,
+        "laser",
+        "base_scan",
+    )
     assert (laser.min_range, laser.max_range, laser.noise_stddev) == (0.10, 30.0, 0.01)
     assert len(robot.of(Camera)) == 1
     assert len(robot.sonars) == 16
 
 
 def test_frames_have_no_leading_slash(robot):
-    frames = [laser.frame for laser in robot.lasers] + [drive.odometryFrame for drive in robot.drives]
+    frames = [laser.frame for laser in robot.lasers] + [
+        drive.odometryFrame for drive in robot.drives
+    ]
     assert not any(frame.startswith("/") for frame in frames)
 
 
@@ -95,7 +111,11 @@ def test_rviz_configurations_name_frames_without_a_slash(config):
 
 def test_multi_robot_view_shows_six_things_of_five_robots():
     content = yaml.safe_load((PACKAGE / "rviz" / "multi_pioneer.rviz").read_text())
-    groups = {d["Name"]: d for d in content["Visualization Manager"]["Displays"] if d["Class"] == "rviz/Group"}
+    groups = {
+        d["Name"]: d
+        for d in content["Visualization Manager"]["Displays"]
+        if d["Class"] == "rviz/Group"
+    }
     assert sorted(groups) == [f"pioneer{i}" for i in range(1, 6)]
     for name, group in groups.items():
         assert len(group["Displays"]) == 6

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 import yaml
 
-from pioneer_description.core.fleet_view import Bounds, RobotView, fleet_config, known_bounds, tool_name
+from pioneer_description.core.fleet_view import (
+    Bounds,
+    RobotView,
+    fleet_config,
+    known_bounds,
+    tool_name,
+)
 from pioneer_description.core.scene import TOLERANCE, marks_of, view_of
 
 TEMPLATE = yaml.safe_load((Path(__file__).parents[2] / "rviz" / "multi_pioneer.rviz").read_text())
@@ -19,27 +25,43 @@ def shown(*robots):
 
 
 def pioneers(count):
-    return [RobotView(f"pioneer{number}", f"/pioneer{number}/base_scan") for number in range(1, count + 1)]
+    return [
+        RobotView(f"pioneer{number}", f"/pioneer{number}/base_scan")
+        for number in range(1, count + 1)
+    ]
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 15])
 def test_only_the_robots_that_there_are_are_shown_each_in_colours_of_its_own(count):
     marks = marks_of(shown(*pioneers(count)))
-    assert {mark.robot for mark in marks} - {""} == {f"pioneer{number}" for number in range(1, count + 1)}
+    assert {mark.robot for mark in marks} - {""} == {
+        f"pioneer{number}" for number in range(1, count + 1)
+    }
     scans = [mark.colour for mark in marks if mark.what == "scan"]
     assert len(scans) == count
     for one, other in combinations(scans, 2):
-        assert max(abs(a - b) for a, b in zip(one, other, strict=True)) > 2 * TOLERANCE, (one, other)
+        assert max(abs(a - b) for a, b in zip(one, other, strict=True)) > 2 * TOLERANCE, (
+            one,
+            other,
+        )
 
 
 def test_a_robot_of_another_kind_is_shown_with_its_own_model_laser_and_name():
     rover = RobotView("rover", "/rover/scan", "rover/robot_description")
     config = shown(pioneers(1)[0], rover)
     marks = [mark for mark in marks_of(config) if mark.robot == "rover"]
-    assert [mark.what for mark in marks] == ["scan", "local costmap", "global plan", "local plan", "name"]
+    assert [mark.what for mark in marks] == [
+        "scan",
+        "local costmap",
+        "global plan",
+        "local plan",
+        "name",
+    ]
     assert marks[0].topic == "/rover/scan"
     assert marks[1].topic == "/rover/move_base/local_costmap/costmap"
-    group = next(one for one in config["Visualization Manager"]["Displays"] if one["Name"] == "rover")
+    group = next(
+        one for one in config["Visualization Manager"]["Displays"] if one["Name"] == "rover"
+    )
     model = group["Displays"][0]
     assert (model["Robot Description"], model["TF Prefix"]) == ("rover/robot_description", "rover")
 

@@ -58,10 +58,16 @@ def serialised(message: JointState) -> bytes:
 
 
 def test_a_joint_state_is_read_as_it_was_written() -> None:
-    message = JointState(name=["a", "größer", ""], position=[1.5, -2.0, 0.0], velocity=[3.0], effort=[])
+    message = JointState(
+        name=["a", "größer", ""], position=[1.5, -2.0, 0.0], velocity=[3.0], effort=[]
+    )
     message.header.frame_id = "frame"
     message.header.stamp.secs, message.header.stamp.nsecs = 12, 34
-    assert joint_positions(memoryview(serialised(message))) == (12_000_000_034, ("a", "größer", ""), (1.5, -2.0, 0.0))
+    assert joint_positions(memoryview(serialised(message))) == (
+        12_000_000_034,
+        ("a", "größer", ""),
+        (1.5, -2.0, 0.0),
+    )
 
 
 @pytest.mark.parametrize("seed", range(20))

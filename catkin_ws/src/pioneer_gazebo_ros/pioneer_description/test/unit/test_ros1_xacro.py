@@ -29,7 +29,9 @@ INDIGO = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
 def run(folder: Path, text: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     (folder / "robot.xacro").write_text(text)
     command = ["xacro", *arguments, "robot.xacro"]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=60)
+    return subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, check=False, timeout=60
+    )
 
 
 def test_features_of_the_newest_xacro_work_on_ros_1(tmp_path: Path) -> None:
@@ -57,7 +59,9 @@ def test_indigos_tags_without_prefix_work_with_one_warning_a_file(tmp_path: Path
 
 
 @pytest.mark.parametrize("place", ["$(find no_such_package)", "${undefined_name}"])
-def test_what_cannot_be_expanded_is_refused_with_its_name_and_file(tmp_path: Path, place: str) -> None:
+def test_what_cannot_be_expanded_is_refused_with_its_name_and_file(
+    tmp_path: Path, place: str
+) -> None:
     result = run(tmp_path, f'<robot name="r"><link name="{place}"/></robot>')
     assert result.returncode == 2
     assert place.strip("${}() ").split()[-1] in result.stderr

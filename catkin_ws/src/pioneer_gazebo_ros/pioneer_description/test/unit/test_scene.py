@@ -57,7 +57,14 @@ def test_the_shipped_configuration_shows_six_displays_of_five_robots_and_the_map
         "pioneer1's local costmap",
     ]
     assert [str(mark) for mark in marks[4:6]] == ["pioneer1's global plan", "pioneer1's local plan"]
-    assert [sum(mark.robot == f"pioneer{number}" for mark in marks) for number in range(1, 7)] == [5, 5, 5, 5, 5, 0]
+    assert [sum(mark.robot == f"pioneer{number}" for mark in marks) for number in range(1, 7)] == [
+        5,
+        5,
+        5,
+        5,
+        5,
+        0,
+    ]
     assert view_of(CONFIG).scale > 0
     assert alone(CONFIG)["Panels"] == []
     assert alone(CONFIG)["Visualization Manager"]["Global Options"]["Frame Rate"] == 2
@@ -76,7 +83,11 @@ def test_a_picture_with_everything_lacks_nothing():
 
 @pytest.mark.parametrize(
     ("colour", "named"),
-    [(TOP_PLATE, ["r1's model"]), ((166, 165, 253), ["r1's costs"]), ((230, 40, 40), ["r1's scan"])],
+    [
+        (TOP_PLATE, ["r1's model"]),
+        ((166, 165, 253), ["r1's costs"]),
+        ((230, 40, 40), ["r1's scan"]),
+    ],
 )
 def test_what_is_painted_over_is_named(colour, named):
     image = picture()

@@ -102,7 +102,9 @@ class TransformTemplate:
         """Takes the frame ids of parent and child."""
         parent, child = frame.encode(), child_frame.encode()
         self._bytes = bytearray(_SEQ_STAMP.size)
-        self._bytes += struct.pack("<I", len(parent)) + parent + struct.pack("<I", len(child)) + child
+        self._bytes += (
+            struct.pack("<I", len(parent)) + parent + struct.pack("<I", len(child)) + child
+        )
         self._pose = len(self._bytes)
         self._bytes += bytes(_POSE.size)
 
@@ -134,7 +136,9 @@ class ScanTemplate(_Stamped):
 
     def __init__(self, config: LaserSensor, frame: str, increment: float) -> None:
         """Takes the laser's settings, the frame id and the angle between beams [rad]."""
-        message = LaserScan(angle_min=config.min_angle, angle_max=config.max_angle, angle_increment=increment)
+        message = LaserScan(
+            angle_min=config.min_angle, angle_max=config.max_angle, angle_increment=increment
+        )
         message.header.frame_id = frame
         message.range_min, message.range_max = config.min_range, config.max_range
         message.scan_time = 1.0 / config.update_rate if config.update_rate > 0 else 0.0
@@ -201,7 +205,13 @@ def image_of(picture: Picture, config: Camera) -> Image:
     elif encoding == "bgr8":
         picture = picture[:, :, ::-1]
     step = config.width * (1 if encoding == "mono8" else 3)
-    return Image(height=config.height, width=config.width, encoding=encoding, step=step, data=picture.tobytes())
+    return Image(
+        height=config.height,
+        width=config.width,
+        encoding=encoding,
+        step=step,
+        data=picture.tobytes(),
+    )
 
 
 def depth_of(depth: Depth) -> Image:
@@ -213,7 +223,9 @@ def depth_of(depth: Depth) -> Image:
 def cloud_of(points: NDArray[np.float32]) -> PointCloud2:
     """Returns the PointCloud2 of points, shape (height, width, 3), without a header."""
     height, width, _ = points.shape
-    fields = [PointField(name, 4 * index, PointField.FLOAT32, 1) for index, name in enumerate("xyz")]
+    fields = [
+        PointField(name, 4 * index, PointField.FLOAT32, 1) for index, name in enumerate("xyz")
+    ]
     return PointCloud2(
         height=height, width=width, fields=fields, point_step=12, row_step=12 * width, data=points.tobytes(),
         is_dense=False,

@@ -72,7 +72,9 @@ class Recorder:
 
         def missing() -> list[str]:
             due = {topic: int(seconds * rates[topic.rpartition("/")[2]]) for topic in self.messages}
-            return [topic for topic, messages in self.messages.items() if len(messages) < due[topic]]
+            return [
+                topic for topic, messages in self.messages.items() if len(messages) < due[topic]
+            ]
 
         wait_until(lambda: not missing(), f"all messages of {seconds} s", PATIENCE, self.changed)
 
@@ -89,7 +91,12 @@ def is_heard(topic: str) -> bool:
 
 def read_from(topic: str) -> int:
     """Returns how many bytes the simulator has read from this client."""
-    return sum(connection[1] for name, connections in statistics(1) if name == topic for connection in connections)
+    return sum(
+        connection[1]
+        for name, connections in statistics(1)
+        if name == topic
+        for connection in connections
+    )
 
 
 class Pilot:
@@ -99,7 +106,11 @@ class Pilot:
         self._topic = f"/{name}/pioneer/cmd_vel"
         self._sign = -1.0 if name == "b" else 1.0
         self._publisher = rospy.Publisher(self._topic, Twist, queue_size=10)
-        wait_until(lambda: self._publisher.get_num_connections() > 0, f"a listener to {self._topic}", PATIENCE)
+        wait_until(
+            lambda: self._publisher.get_num_connections() > 0,
+            f"a listener to {self._topic}",
+            PATIENCE,
+        )
 
     def send(self, speed: float, turn: float) -> None:
         """Sends a command twice: once the simulator has read the second one, it has applied the first."""
@@ -108,7 +119,11 @@ class Pilot:
         for _ in range(2):
             before = read_from(self._topic)
             self._publisher.publish(command)
-            wait_until(lambda: read_from(self._topic) > before, f"{self._topic} to be read", PATIENCE)  # noqa: B023 - done within the round
+            wait_until(
+                lambda: read_from(self._topic) > before,  # noqa: B023 - done within the round
+                f"{self._topic} to be read",
+                PATIENCE,
+            )
 
 
 def spawn(name: str) -> None:
@@ -124,7 +139,12 @@ def spawn(name: str) -> None:
 
 def main() -> None:
     """Runs the script."""
-    robots, seconds, rates, output = sys.argv[1], float(sys.argv[2]), json.loads(sys.argv[3]), sys.argv[4]
+    robots, seconds, rates, output = (
+        sys.argv[1],
+        float(sys.argv[2]),
+        json.loads(sys.argv[3]),
+        sys.argv[4],
+    )
     rospy.init_node("client", disable_rostime=True)
     rospy.wait_for_service("/gazebo/step", PATIENCE)
     recorder = Recorder()
@@ -135,7 +155,11 @@ def main() -> None:
     for topic in ("/clock", "/tf"):
         recorder.subscribe(topic)
     for topic in recorder.messages:
-        wait_until(lambda: is_heard(topic), f"the simulator to know of {topic}'s listener", PATIENCE)  # noqa: B023
+        wait_until(
+            lambda: is_heard(topic),  # noqa: B023 - done within the round
+            f"the simulator to know of {topic}'s listener",
+            PATIENCE,
+        )
     recorder.make_room()
     pilots = [Pilot(name) for name in robots]
     step = rospy.ServiceProxy("/gazebo/step", Trigger)
@@ -150,7 +174,10 @@ def main() -> None:
     recorder.wait_for_time(seconds + 0.2)
     rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
     recorder.wait_for_all(seconds, rates)
-    recorded = {topic: [message.hex() for message in messages] for topic, messages in recorder.messages.items()}
+    recorded = {
+        topic: [message.hex() for message in messages]
+        for topic, messages in recorder.messages.items()
+    }
     Path(output).write_text(json.dumps(recorded))
 
 

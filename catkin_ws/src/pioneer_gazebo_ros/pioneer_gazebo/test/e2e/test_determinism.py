@@ -18,10 +18,19 @@ Recording = dict[str, list[str]]
 Record = Callable[..., Recording]
 
 SECONDS = 4.0
-RATES = {"base_scan": 10, "odom": 50, "base_pose_ground_truth": 20, "joint_states": 20, "clock": 100, "tf": 50}
+RATES = {
+    "base_scan": 10,
+    "odom": 50,
+    "base_pose_ground_truth": 20,
+    "joint_states": 20,
+    "clock": 100,
+    "tf": 50,
+}
 
 # rosmaster runs in this process and leaves connections to exited nodes open.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 CLIENT = Path(__file__).with_name("scripted_client.py")
 
@@ -53,9 +62,21 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
                 log,
             )
             output = folder / "messages"
-            command = [sys.executable, str(CLIENT), robots, str(SECONDS), json.dumps(RATES), str(output)]
+            command = [
+                sys.executable,
+                str(CLIENT),
+                robots,
+                str(SECONDS),
+                json.dumps(RATES),
+                str(output),
+            ]
             done = subprocess.run(
-                command, env=master.environment, capture_output=True, text=True, timeout=120, check=False
+                command,
+                env=master.environment,
+                capture_output=True,
+                text=True,
+                timeout=120,
+                check=False,
             )
             assert done.returncode == 0, done.stderr + log.read_text()
             return json.loads(output.read_text())
@@ -73,7 +94,10 @@ def within(recording: Recording) -> Recording:
     due = {topic: int(SECONDS * RATES[topic.rpartition("/")[2]]) for topic in recording}
     # While paused, the simulator repeats the clock for each new subscriber: drop the duplicates.
     clock = sorted(set(recording["/clock"]))
-    found = {topic: (clock if topic == "/clock" else messages)[: due[topic]] for topic, messages in recording.items()}
+    found = {
+        topic: (clock if topic == "/clock" else messages)[: due[topic]]
+        for topic, messages in recording.items()
+    }
     assert {topic: len(messages) for topic, messages in found.items()} == due
     return found
 
@@ -81,18 +105,24 @@ def within(recording: Recording) -> Recording:
 def differing(a: Recording, b: Recording) -> dict[str, int]:
     """Returns the topics that differ, each with the index of its first differing message."""
     return {
-        topic: next(number for number, (x, y) in enumerate(zip(a[topic], b[topic], strict=True)) if x != y)
+        topic: next(
+            number for number, (x, y) in enumerate(zip(a[topic], b[topic], strict=True)) if x != y
+        )
         for topic in a
         if a[topic] != b[topic]
     }
 
 
 @pytest.mark.parametrize("factor", [0.0, 3.0])
-def test_the_same_bytes_come_at_any_real_time_factor(record: Record, reference: Recording, factor: float) -> None:
+def test_the_same_bytes_come_at_any_real_time_factor(
+    record: Record, reference: Recording, factor: float
+) -> None:
     assert differing(within(reference), within(record(factor))) == {}
 
 
-def test_another_robot_far_away_changes_nothing_for_the_others(record: Record, reference: Recording) -> None:
+def test_another_robot_far_away_changes_nothing_for_the_others(
+    record: Record, reference: Recording
+) -> None:
     alone, together = within(reference), within(record(0.0, "abc"))
     own = [topic for topic in alone if topic != "/tf"]
     assert differing({t: alone[t] for t in own}, {t: together[t] for t in own}) == {}

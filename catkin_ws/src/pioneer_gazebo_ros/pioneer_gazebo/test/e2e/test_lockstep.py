@@ -17,7 +17,9 @@ MEMBER = Path(__file__).with_name("lockstep_member.py")
 LOSSY_LINK = Path(__file__).with_name("lossy_link.py")
 PATIENCE = 90.0
 
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 
 RINGS = {"a": "one two", "b": "three"}
@@ -27,13 +29,27 @@ class Fleet:
     """The simulator with the ring ``a`` (``one`` and ``two``) and, if requested, the ring ``b`` (``three``)."""
 
     def __init__(
-        self, master: Master, group: ProcessGroup, folder: Path, rings: str, silence: str, *remappings: str
+        self,
+        master: Master,
+        group: ProcessGroup,
+        folder: Path,
+        rings: str,
+        silence: str,
+        *remappings: str,
     ) -> None:
         self.group, self.folder, self.diary = group, folder, folder / "diary"
         self._environment = master.environment
         lockstep = {"rings": rings, "deadline": 2.0, "silence": silence}
-        master.set_param("/gazebo", {"world_name": "blank", "real_time_factor": 0.0, "lockstep": lockstep})
-        server = ["rosrun", "pioneer_gazebo", "pioneer_gazebo_server", "__name:=gazebo", *remappings]
+        master.set_param(
+            "/gazebo", {"world_name": "blank", "real_time_factor": 0.0, "lockstep": lockstep}
+        )
+        server = [
+            "rosrun",
+            "pioneer_gazebo",
+            "pioneer_gazebo_server",
+            "__name:=gazebo",
+            *remappings,
+        ]
         group.start("simulator", server, self._environment, self.log)
 
     @property
@@ -44,9 +60,16 @@ class Fleet:
     def start(self, name: str, *remappings: str) -> int:
         """Starts a member; returns its process ID."""
         ring = next(ring for ring, members in RINGS.items() if name in members)
-        own = {"LOCKSTEP_MEMBERS": RINGS[ring], "MEMBER": name, "DIARY": str(self.diary), "ROS_NAMESPACE": ring}
+        own = {
+            "LOCKSTEP_MEMBERS": RINGS[ring],
+            "MEMBER": name,
+            "DIARY": str(self.diary),
+            "ROS_NAMESPACE": ring,
+        }
         command = [sys.executable, str(MEMBER), *remappings]
-        return self.group.start(name, command, {**self._environment, **own}, self.folder / f"{name}.log")
+        return self.group.start(
+            name, command, {**self._environment, **own}, self.folder / f"{name}.log"
+        )
 
     def lose(self, topic: str, *periods: int) -> Path:
         """Forwards a topic to ``TOPIC_lossy`` without the tokens of ``periods``; returns the link's log file."""
@@ -77,7 +100,9 @@ def fleet(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Fleet]:
 def test_members_act_in_their_order_in_each_period_and_a_silent_one_is_named(fleet: Fleet) -> None:
     fleet.start("one")
     wait_until(
-        lambda: "lockstep waits for a" in fleet.log.read_text(), "the simulator to report whom it waits for", PATIENCE
+        lambda: "lockstep waits for a" in fleet.log.read_text(),
+        "the simulator to report whom it waits for",
+        PATIENCE,
     )
     assert fleet.lines() == []
     two = fleet.start("two")
@@ -106,7 +131,9 @@ def assert_acts_in_order(fleet: Fleet) -> None:
     assert fleet.lines()[2:100] == expected
 
 
-@pytest.mark.parametrize("fleet", [("a", "abort", "/a/lockstep/done:=/a/lockstep/done_lossy")], indirect=True)
+@pytest.mark.parametrize(
+    "fleet", [("a", "abort", "/a/lockstep/done:=/a/lockstep/done_lossy")], indirect=True
+)
 def test_a_lost_token_is_sent_again_wherever_it_was_lost_and_changes_nothing(fleet: Fleet) -> None:
     """Tokens are lost before, within and after the ring; one is lost twice."""
     losses = {"period": (10, 10), "after_one": (20, 40), "done": (30, 40)}
@@ -123,14 +150,22 @@ def test_time_continues_without_a_silent_ring_which_joins_again(fleet: Fleet) ->
     pids = {name: fleet.start(name) for name in ("one", "two", "three")}
     wait_until(lambda: len(fleet.times("two")) > 10, "ten periods", PATIENCE)
     os.kill(pids["two"], signal.SIGSTOP)
-    wait_until(lambda: "continuing without a" in fleet.log.read_text(), "the ring to be dropped", PATIENCE)
+    wait_until(
+        lambda: "continuing without a" in fleet.log.read_text(), "the ring to be dropped", PATIENCE
+    )
     assert "/a/two does not answer; continuing without a" in fleet.log.read_text()
     dropped = fleet.times("two")[-1]
-    wait_until(lambda: fleet.times("three")[-1] > dropped + 1.0, "the other ring to continue", PATIENCE)
+    wait_until(
+        lambda: fleet.times("three")[-1] > dropped + 1.0, "the other ring to continue", PATIENCE
+    )
     os.kill(pids["two"], signal.SIGCONT)
     again = fleet.times("three")[-1]
-    wait_until(lambda: fleet.times("two")[-1] > again + 1.0, "the ring to take part again", PATIENCE)
+    wait_until(
+        lambda: fleet.times("two")[-1] > again + 1.0, "the ring to take part again", PATIENCE
+    )
     assert fleet.log.read_text().count("a takes part: /a/one, /a/two") == 2
     joined = min(time for time in fleet.times("one") if time > again)
     later = [time for time in fleet.times("two") if time > joined + 0.01]
-    assert later == [time for time in fleet.times("one") if joined + 0.01 < time <= later[-1]], "both, in each period"
+    assert later == [time for time in fleet.times("one") if joined + 0.01 < time <= later[-1]], (
+        "both, in each period"
+    )

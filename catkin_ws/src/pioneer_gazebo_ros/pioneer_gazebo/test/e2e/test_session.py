@@ -23,7 +23,9 @@ sys.exit(run_session("session", body))
 
 def test_a_held_ctrl_c_does_not_interrupt_the_end_of_a_session() -> None:
     command = [sys.executable, "-c", PROGRAM]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
         assert process.stdout is not None, "it was asked for"
         assert process.stderr is not None, "it was asked for"
         assert process.stdout.readline() == "session: runs\n"

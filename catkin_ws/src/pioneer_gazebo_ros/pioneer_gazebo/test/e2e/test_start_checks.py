@@ -10,7 +10,13 @@ from pioneer_harness.masters import Master
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
 
-NAVIGATION = ("rosrun", "pioneer_gazebo", "run-pioneer-nav-local", "robot_name:=pioneer1", "gateway:=false")
+NAVIGATION = (
+    "rosrun",
+    "pioneer_gazebo",
+    "run-pioneer-nav-local",
+    "robot_name:=pioneer1",
+    "gateway:=false",
+)
 
 
 @pytest.fixture
@@ -34,7 +40,9 @@ def test_navigation_for_another_world_than_the_base_stations_is_refused(master: 
     assert "the base station simulates closed_maze, but this computer was started for utm_0" in text
 
 
-def test_navigation_takes_world_and_initial_pose_from_the_base_station(master: Master, tmp_path: Path) -> None:
+def test_navigation_takes_world_and_initial_pose_from_the_base_station(
+    master: Master, tmp_path: Path
+) -> None:
     with ProcessGroup() as group:
         group.start("navigation", NAVIGATION, {**master.environment, "WORLD": ""}, tmp_path / "log")
         awaited = "waiting for the base station's world (step 3)"
@@ -51,7 +59,10 @@ def test_navigation_takes_world_and_initial_pose_from_the_base_station(master: M
 
 @pytest.mark.parametrize(
     ("place", "why"),
-    [("{x: 0.0, y: 9.0, a: 0.0}", "outside its map"), ("{x: -5.4, y: 0.0, a: 0.0}", "inside a wall")],
+    [
+        ("{x: 0.0, y: 9.0, a: 0.0}", "outside its map"),
+        ("{x: -5.4, y: 0.0, a: 0.0}", "inside a wall"),
+    ],
 )
 def test_an_initial_pose_where_no_robot_can_start_is_refused_by_both_steps(
     master: Master, tmp_path: Path, place: str, why: str
@@ -70,7 +81,16 @@ def test_an_initial_pose_where_no_robot_can_start_is_refused_by_both_steps(
 def test_a_robot_is_not_spawned_outside_the_walls(master: Master, tmp_path: Path) -> None:
     model = tmp_path / "robot.urdf"
     model.write_text("<robot name='r'><link name='base_link'/></robot>")
-    spawn = ("rosrun", "pioneer_gazebo", "spawn_model", "-urdf", "-file", str(model), "-model", "pioneer")
+    spawn = (
+        "rosrun",
+        "pioneer_gazebo",
+        "spawn_model",
+        "-urdf",
+        "-file",
+        str(model),
+        "-model",
+        "pioneer",
+    )
     status, text = ended(master, *spawn, "-world", "small_world", "-x", "-2", "-y", "-10")
     assert status == 1
     assert "pioneer cannot start at (-2, -10) in the world small_world" in text

@@ -11,7 +11,9 @@ from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 
 # rosmaster runs in this process and leaves connections to exited nodes open.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 
 def test_the_viewer_shows_the_walls_and_time_goes(tmp_path: Path) -> None:
@@ -29,5 +31,7 @@ def test_the_viewer_shows_the_walls_and_time_goes(tmp_path: Path) -> None:
             return changed > 0.2 and len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
 
         wait_until(drawn, "a picture of the world", 90)
-        wait_until(lambda: "/gazebo/step" in master.system_state()[2], "the simulator's services", 30)
+        wait_until(
+            lambda: "/gazebo/step" in master.system_state()[2], "the simulator's services", 30
+        )
         group.check()

@@ -55,7 +55,9 @@ class BadInputTest(unittest.TestCase):
     def tearDown(self) -> None:
         with self.moved:
             now = self.stamp
-            on = self.moved.wait_for(lambda: self.stamp > now + 0.5 and math.isfinite(self.speed), PATIENCE)
+            on = self.moved.wait_for(
+                lambda: self.stamp > now + 0.5 and math.isfinite(self.speed), PATIENCE
+            )
         assert on, "the simulator stands"
 
     def refused(self, answer: srv.SpawnModelResponse, word: str) -> None:
@@ -69,7 +71,10 @@ class BadInputTest(unittest.TestCase):
             ("", "empty"),
             ("<robot", "line 1"),
             ("<robot name='r'/>", "link"),
-            ("<robot name='r'><link name='a'/><link name='a'/></robot>", "named 'a' already exists"),
+            (
+                "<robot name='r'><link name='a'/><link name='a'/></robot>",
+                "named 'a' already exists",
+            ),
             (self.description.replace("<updateRate>", "<updateRate>x"), "updateRate"),
         ]:
             self.refused(self.urdf("r", text, "r", pose(2.0, -3.0), ""), word)
@@ -85,10 +90,19 @@ class BadInputTest(unittest.TestCase):
             self.refused(self.sdf("m", text, "m", pose(2.0, -3.0, 1.0), ""), word)
 
     def test_names(self) -> None:
-        self.refused(self.urdf("good", self.description, "good", pose(2.0, -3.0), ""), "already exists")
-        self.refused(self.urdf("", self.description, "x", pose(2.0, -3.0), ""), "1 to 200 characters")
-        self.refused(self.urdf("n" * 10**6, self.description, "x", pose(2.0, -3.0), ""), "1 to 200 characters")
-        self.refused(self.urdf("x", self.description, "n" * 10**6, pose(2.0, -3.0), ""), "namespace")
+        self.refused(
+            self.urdf("good", self.description, "good", pose(2.0, -3.0), ""), "already exists"
+        )
+        self.refused(
+            self.urdf("", self.description, "x", pose(2.0, -3.0), ""), "1 to 200 characters"
+        )
+        self.refused(
+            self.urdf("n" * 10**6, self.description, "x", pose(2.0, -3.0), ""),
+            "1 to 200 characters",
+        )
+        self.refused(
+            self.urdf("x", self.description, "n" * 10**6, pose(2.0, -3.0), ""), "namespace"
+        )
         self.refused(self.urdf("x", self.description, "no good", pose(2.0, -3.0), ""), "namespace")
         self.refused(self.delete("n" * 10**6), "does not exist")
 
@@ -101,8 +115,12 @@ class BadInputTest(unittest.TestCase):
 
     def test_states_forces_and_shapes_beyond_all_bounds_are_refused(self) -> None:
         fast = Twist(Vector3(1e200, 0.0, 0.0), Vector3())
-        self.refused(self.set_state(ModelState("good", pose(0.0, -2.0), fast, "")), "at most 1000 m/s")
-        self.refused(self.set_state(ModelState("good", pose(1e200, 0.0), Twist(), "")), "at most 1e+06 m")
+        self.refused(
+            self.set_state(ModelState("good", pose(0.0, -2.0), fast, "")), "at most 1000 m/s"
+        )
+        self.refused(
+            self.set_state(ModelState("good", pose(1e200, 0.0), Twist(), "")), "at most 1e+06 m"
+        )
         rospy.Publisher("/gazebo/set_model_state", ModelState, queue_size=1, latch=True).publish(
             ModelState("good", pose(0.0, -2.0), fast, "")
         )
@@ -111,14 +129,21 @@ class BadInputTest(unittest.TestCase):
         answer = push("good::base_link", "", Point(), wrench, rospy.Time(), rospy.Duration(1.0))
         self.refused(answer, "force must be finite")
         self.refused(
-            self.sdf("m", SDF.format("<sphere><radius>1e200</radius></sphere>"), "m", pose(2.0, -3.0), ""), "size"
+            self.sdf(
+                "m", SDF.format("<sphere><radius>1e200</radius></sphere>"), "m", pose(2.0, -3.0), ""
+            ),
+            "size",
         )
 
     def test_meshes_that_are_no_regular_files_are_refused_at_once(self) -> None:
         with tempfile.TemporaryDirectory() as folder:
             os.mkfifo(f"{folder}/pipe.stl")
             os.symlink("/dev/zero", f"{folder}/zero.stl")
-            for name, word in (("pipe.stl", "regular"), ("zero.stl", "regular"), ("", "meshes are read from")):
+            for name, word in (
+                ("pipe.stl", "regular"),
+                ("zero.stl", "regular"),
+                ("", "meshes are read from"),
+            ):
                 mesh = f"<mesh><uri>file://{folder}/{name}</uri></mesh>"
                 self.refused(self.sdf("m", SDF.format(mesh), "m", pose(2.0, -3.0, 1.0), ""), word)
 

@@ -14,7 +14,17 @@ from gazebo_msgs import srv
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
 from nav_msgs.msg import Odometry
 from pioneer_msgs.msg import BumperState
-from sensor_msgs.msg import BatteryState, CameraInfo, Image, Imu, JointState, NavSatFix, PointCloud, PointCloud2, Range
+from sensor_msgs.msg import (
+    BatteryState,
+    CameraInfo,
+    Image,
+    Imu,
+    JointState,
+    NavSatFix,
+    PointCloud,
+    PointCloud2,
+    Range,
+)
 from std_msgs.msg import Bool, Float32, Float64, Int8, UInt32
 from tf2_msgs.msg import TFMessage
 
@@ -63,7 +73,9 @@ class FeatureTest(unittest.TestCase):
         rospy.wait_for_service("/gazebo/spawn_urdf_model", PATIENCE)
         spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", srv.SpawnModel)
         description = rospy.get_param("/robot_description")
-        answer = spawn("pioneer1", description, "pioneer1", Pose(Point(0, -3.5, 0), Quaternion(0, 0, 0, 1)), "")
+        answer = spawn(
+            "pioneer1", description, "pioneer1", Pose(Point(0, -3.5, 0), Quaternion(0, 0, 0, 1)), ""
+        )
         assert answer.success, answer.status_message
         answer = spawn("pioneer2", description, "pioneer2", START, "")
         assert answer.success, answer.status_message
@@ -74,7 +86,11 @@ class FeatureTest(unittest.TestCase):
         assert 11.4 < state.voltage < 12.9
         assert state.current < 0
         assert state.header.frame_id == "pioneer1/base_link"
-        later = first("/pioneer1/battery_state", BatteryState, lambda message: message.percentage < state.percentage)
+        later = first(
+            "/pioneer1/battery_state",
+            BatteryState,
+            lambda message: message.percentage < state.percentage,
+        )
         assert later.header.stamp > state.header.stamp
         assert 11.4 < first("/pioneer1/battery_voltage", Float64).data < 12.9
         assert first("/pioneer1/battery_state_of_charge", Float32).data <= state.percentage
@@ -83,7 +99,9 @@ class FeatureTest(unittest.TestCase):
 
     def test_a_robot_of_others_slides_and_reports_inertia_place_and_depth(self) -> None:
         spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", srv.SpawnModel)
-        answer = spawn("slider", SLIDER, "", Pose(Point(2.0, -3.5, 0.1), Quaternion(0, 0, 0, 1)), "")
+        answer = spawn(
+            "slider", SLIDER, "", Pose(Point(2.0, -3.5, 0.1), Quaternion(0, 0, 0, 1)), ""
+        )
         assert answer.success, answer.status_message
         command = rospy.Publisher("/slider/cmd_vel", Twist, queue_size=1, latch=True)
         command.publish(Twist(Vector3(0.0, 0.2, 0.0), Vector3()))
@@ -106,19 +124,27 @@ class FeatureTest(unittest.TestCase):
         base = {"type": "diff_drive_controller/DiffDriveController", "base_frame_id": "base_link", **wheels,
                 "wheel_radius": 0.0975, "wheel_separation": 0.33}  # fmt: skip
         rospy.set_param("/controlled/base", base)
-        rospy.set_param("/controlled/states", {"type": "joint_state_controller/JointStateController"})
+        rospy.set_param(
+            "/controlled/states", {"type": "joint_state_controller/JointStateController"}
+        )
         drive = r'<plugin [^>]*libgazebo_ros_diff_drive.so"[^>]*>.*?</plugin>'
         control = '<plugin name="control" filename="libgazebo_ros_control.so"/>'
-        text, count = re.subn(drive, control, rospy.get_param("/robot_description"), flags=re.DOTALL)
+        text, count = re.subn(
+            drive, control, rospy.get_param("/robot_description"), flags=re.DOTALL
+        )
         assert count == 1
-        answer = spawn("controlled", text, "controlled", Pose(Point(-0.5, -1.5, 0), Quaternion(0, 0, 0, 1)), "")
+        answer = spawn(
+            "controlled", text, "controlled", Pose(Point(-0.5, -1.5, 0), Quaternion(0, 0, 0, 1)), ""
+        )
         assert answer.success, answer.status_message
         command = rospy.Publisher("/controlled/base/cmd_vel", Twist, queue_size=1, latch=True)
         odometry = first("/controlled/base/odom", Odometry)
         assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
         command.publish(Twist(Vector3(0.4, 0.0, 0.0), Vector3()))
         first("/controlled/base/odom", Odometry, lambda message: message.twist.twist.linear.x > 0.3)
-        first("/controlled/base/odom", Odometry, lambda message: message.twist.twist.linear.x < 0.01)
+        first(
+            "/controlled/base/odom", Odometry, lambda message: message.twist.twist.linear.x < 0.01
+        )
         turned = first("/controlled/joint_states", JointState)
         assert max(turned.position) > 1.0
 
@@ -147,7 +173,13 @@ class FeatureTest(unittest.TestCase):
     def test_odometry_of_the_world_is_where_the_robot_is(self) -> None:
         description = rospy.get_param("/robot_description").replace(">encoder<", ">world<")
         spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", srv.SpawnModel)
-        answer = spawn("pioneer3", description, "pioneer3", Pose(Point(-2.0, -1.5, 0), Quaternion(0, 0, 0, 1)), "")
+        answer = spawn(
+            "pioneer3",
+            description,
+            "pioneer3",
+            Pose(Point(-2.0, -1.5, 0), Quaternion(0, 0, 0, 1)),
+            "",
+        )
         assert answer.success, answer.status_message
         pose = first("/pioneer3/odom", Odometry).pose.pose.position
         assert abs(pose.x + 2.0) < 0.01
@@ -155,10 +187,14 @@ class FeatureTest(unittest.TestCase):
 
     def test_a_drive_publishes_its_wheels_transforms_and_joints_where_asked_to(self) -> None:
         asked = "<publishWheelTF>true</publishWheelTF><publishWheelJointState>true</publishWheelJointState>"
-        description = rospy.get_param("/robot_description").replace("<odometrySource>", f"{asked}<odometrySource>")
+        description = rospy.get_param("/robot_description").replace(
+            "<odometrySource>", f"{asked}<odometrySource>"
+        )
         assert asked in description
         spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", srv.SpawnModel)
-        answer = spawn("wheels", description, "wheels", Pose(Point(3.5, 0.0, 0), Quaternion(0, 0, 0, 1)), "")
+        answer = spawn(
+            "wheels", description, "wheels", Pose(Point(3.5, 0.0, 0), Quaternion(0, 0, 0, 1)), ""
+        )
         assert answer.success, answer.status_message
         both = ["base_left_wheel_joint", "base_right_wheel_joint"]
         first("/wheels/joint_states", JointState, lambda message: message.name == both)
@@ -188,7 +224,9 @@ class FeatureTest(unittest.TestCase):
             refused = tell(step, rate, gravity, before.ode_config)
             assert not refused.success
             assert "\n" not in refused.status_message
-        assert tell(before.time_step, before.max_update_rate, before.gravity, before.ode_config).success
+        assert tell(
+            before.time_step, before.max_update_rate, before.gravity, before.ode_config
+        ).success
         assert ask().time_step == before.time_step
 
     def test_a_bumper_tells_where_a_robot_drives_into_a_wall(self) -> None:
@@ -199,10 +237,16 @@ class FeatureTest(unittest.TestCase):
         driving = Twist()
         driving.linear.x = 0.8
         command.publish(driving)
-        hit = first("/pioneer1/bumper_state", BumperState, lambda message: any(message.front_bumpers))
+        hit = first(
+            "/pioneer1/bumper_state", BumperState, lambda message: any(message.front_bumpers)
+        )
         assert not any(hit.rear_bumpers)
         idle = first("/pioneer2/battery_state", BatteryState)
-        held = first("/pioneer1/battery_state", BatteryState, lambda message: message.current < 2 * idle.current)
+        held = first(
+            "/pioneer1/battery_state",
+            BatteryState,
+            lambda message: message.current < 2 * idle.current,
+        )
         assert held.voltage < idle.voltage
         command.publish(Twist())
 

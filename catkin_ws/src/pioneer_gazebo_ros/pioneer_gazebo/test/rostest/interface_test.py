@@ -79,11 +79,34 @@ class InterfaceTest(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "box.sdf"
             file.write_text(BOX)
-            words = ["-sdf", "-file", str(file), "-model", "box", "-x", "3", "-wait", "pioneer1", "-unpause"]
+            words = [
+                "-sdf",
+                "-file",
+                str(file),
+                "-model",
+                "box",
+                "-x",
+                "3",
+                "-wait",
+                "pioneer1",
+                "-unpause",
+            ]
             waiting = subprocess.Popen(["rosrun", "pioneer_gazebo", "spawn_model", *words])
             try:
-                words = ["-urdf", "-param", "/robot_description", "-model", "pioneer1", "-robot_namespace", "pioneer1"]
-                subprocess.run(["rosrun", "pioneer_gazebo", "spawn_model", *words], check=True, timeout=PATIENCE)
+                words = [
+                    "-urdf",
+                    "-param",
+                    "/robot_description",
+                    "-model",
+                    "pioneer1",
+                    "-robot_namespace",
+                    "pioneer1",
+                ]
+                subprocess.run(
+                    ["rosrun", "pioneer_gazebo", "spawn_model", *words],
+                    check=True,
+                    timeout=PATIENCE,
+                )
                 assert waiting.wait(PATIENCE) == 0
             finally:
                 waiting.kill()
@@ -108,13 +131,20 @@ class InterfaceTest(unittest.TestCase):
     def test_models_links_and_joints_have_their_properties(self) -> None:
         properties = service("get_model_properties", srv.GetModelProperties)
         robot, ground = properties("pioneer1"), properties("ground_plane")
-        assert (robot.success, robot.is_static, robot.canonical_body_name) == (True, False, "base_link")
+        assert (robot.success, robot.is_static, robot.canonical_body_name) == (
+            True,
+            False,
+            "base_link",
+        )
         assert {"laser", "left_wheel", "swivel"} <= set(robot.body_names)
         assert {"base_left_wheel_joint", "base_right_wheel_joint"} <= set(robot.joint_names)
         assert (ground.success, ground.is_static) == (True, True)
         box = service("get_link_properties", srv.GetLinkProperties)("box::body")
         assert (box.success, box.mass, box.izz) == (True, 2.0, 0.08)
-        for answer in (properties("nobody"), service("get_link_properties", srv.GetLinkProperties)("box::lid")):
+        for answer in (
+            properties("nobody"),
+            service("get_link_properties", srv.GetLinkProperties)("box::lid"),
+        ):
             assert not answer.success
             assert answer.status_message
 
@@ -123,10 +153,15 @@ class InterfaceTest(unittest.TestCase):
         command = rospy.Publisher("/pioneer1/pioneer/cmd_vel", Twist, queue_size=1, latch=True)
         command.publish(Twist(Vector3(0.3, 0.0, 0.0), Vector3()))
         radius = 0.195 / 2
-        until(lambda: abs(joint("base_left_wheel_joint").rate[0] * radius - 0.3) < 0.02, "the wheel turns")
+        until(
+            lambda: abs(joint("base_left_wheel_joint").rate[0] * radius - 0.3) < 0.02,
+            "the wheel turns",
+        )
         assert joint("base_left_wheel_joint").type == srv.GetJointPropertiesResponse.CONTINUOUS
         command.publish(Twist())
-        until(lambda: abs(joint("pioneer1::base_left_wheel_joint").rate[0]) < 0.01, "the wheel stands")
+        until(
+            lambda: abs(joint("pioneer1::base_left_wheel_joint").rate[0]) < 0.01, "the wheel stands"
+        )
         set_joint = service("set_model_configuration", srv.SetModelConfiguration)
         assert set_joint("pioneer1", "", ["base_left_wheel_joint"], [1.0]).success
         assert abs(joint("base_left_wheel_joint").position[0] - 1.0) < 0.01
@@ -134,7 +169,10 @@ class InterfaceTest(unittest.TestCase):
         assert not joint("no_such_joint").success
 
     def test_a_wrench_pushes_for_its_duration_and_an_endless_one_until_it_is_cleared(self) -> None:
-        push, clear = service("apply_body_wrench", srv.ApplyBodyWrench), service("clear_body_wrenches", srv.BodyRequest)
+        push, clear = (
+            service("apply_body_wrench", srv.ApplyBodyWrench),
+            service("clear_body_wrenches", srv.BodyRequest),
+        )
         start = self.place_of("box").x
         force = Wrench(Vector3(60.0, 0.0, 0.0), Vector3())
         assert push("box::body", "world", Point(), force, rospy.Time(), rospy.Duration(0.5)).success
@@ -144,7 +182,9 @@ class InterfaceTest(unittest.TestCase):
         until(lambda: self.model("box", "world").twist.linear.x > 0.5, "the box is fast")
         clear("box::body")
         until(lambda: self.model("box", "world").twist.linear.x < 0.01, "friction stops it again")
-        assert not push("box::lid", "world", Point(), force, rospy.Time(), rospy.Duration(1)).success
+        assert not push(
+            "box::lid", "world", Point(), force, rospy.Time(), rospy.Duration(1)
+        ).success
 
     def test_a_link_that_is_put_somewhere_takes_its_model_along(self) -> None:
         put = service("set_link_state", srv.SetLinkState)

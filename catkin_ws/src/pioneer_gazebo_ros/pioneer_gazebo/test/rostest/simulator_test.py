@@ -49,9 +49,13 @@ class Listener:
         """Waits for a matching message that arrives after this call, and returns it."""
         with self._condition:
             count = self.count
-            fresh = self._condition.wait_for(lambda: self.count > count and wanted(self.newest), PATIENCE)
+            fresh = self._condition.wait_for(
+                lambda: self.count > count and wanted(self.newest), PATIENCE
+            )
             if not fresh:
-                raise AssertionError(f"{self._topic}: {what} did not come; the newest is {self.newest}")
+                raise AssertionError(
+                    f"{self._topic}: {what} did not come; the newest is {self.newest}"
+                )
             return self.newest
 
 
@@ -61,8 +65,19 @@ def service(name: str, kind: Any) -> rospy.ServiceProxy:
 
 
 def spawn(model: str, *where: str) -> subprocess.CompletedProcess:
-    command = ["rosrun", "pioneer_gazebo", "spawn_model", "-urdf", "-param", "/robot_description", "-model", model]
-    return subprocess.run([*command, "-robot_namespace", model, *where], capture_output=True, text=True, check=False)
+    command = [
+        "rosrun",
+        "pioneer_gazebo",
+        "spawn_model",
+        "-urdf",
+        "-param",
+        "/robot_description",
+        "-model",
+        model,
+    ]
+    return subprocess.run(
+        [*command, "-robot_namespace", model, *where], capture_output=True, text=True, check=False
+    )
 
 
 class SimulatorTest(unittest.TestCase):
@@ -92,7 +107,9 @@ class SimulatorTest(unittest.TestCase):
 
     def test_a_robot_drives_and_its_odometry_agrees_with_the_truth(self) -> None:
         self.drive(0.5, 0.0)
-        moved = self.odometry.wait_for(lambda odometry: odometry.pose.pose.position.x > 1.0, "a metre of way")
+        moved = self.odometry.wait_for(
+            lambda odometry: odometry.pose.pose.position.x > 1.0, "a metre of way"
+        )
         assert moved.header.frame_id == "pioneer1/odom"
         assert moved.child_frame_id == "pioneer1/base_link"
         assert abs(moved.twist.twist.linear.x - 0.5) < 0.05
@@ -111,7 +128,9 @@ class SimulatorTest(unittest.TestCase):
         scan = rospy.wait_for_message("/pioneer1/base_scan", LaserScan, PATIENCE)
         assert scan.header.frame_id == "pioneer1/laser"
         assert len(scan.ranges) == 180
-        assert all(scan.range_min <= reading <= scan.range_max for reading in scan.ranges), "in a closed room"
+        assert all(scan.range_min <= reading <= scan.range_max for reading in scan.ranges), (
+            "in a closed room"
+        )
         states = rospy.wait_for_message("/pioneer1/joint_states", JointState, PATIENCE)
         assert "base_left_wheel_joint" in states.name
         transforms = rospy.wait_for_message("/tf", TFMessage, PATIENCE).transforms
@@ -133,21 +152,31 @@ class SimulatorTest(unittest.TestCase):
         self.odometry.wait_for(lambda odometry: odometry.pose.pose.position.x > 0.5, "way")
         self.command.publish(Twist())
         # Topics and services use separate connections: a stop that arrives after the reset finds the robot moving.
-        self.odometry.wait_for(lambda odometry: abs(odometry.twist.twist.linear.x) < 0.01, "standstill")
+        self.odometry.wait_for(
+            lambda odometry: abs(odometry.twist.twist.linear.x) < 0.01, "standstill"
+        )
         before = service("get_world_properties", srv.GetWorldProperties)().sim_time
         service("reset_world", Empty)()
         assert service("get_world_properties", srv.GetWorldProperties)().sim_time >= before
-        self.odometry.wait_for(lambda odometry: abs(odometry.pose.pose.position.x) < 0.05, "the origin")
+        self.odometry.wait_for(
+            lambda odometry: abs(odometry.pose.pose.position.x) < 0.05, "the origin"
+        )
         state = service("get_model_state", srv.GetModelState)("pioneer1", "world")
         assert abs(state.pose.position.x + 1.0) < 0.05
 
     def test_states_can_be_asked_and_set(self) -> None:
         pose = Pose(Point(0.0, -2.5, 0.01), Quaternion(0.0, 0.0, 0.0, 1.0))
-        answer = service("set_model_state", srv.SetModelState)(ModelState("pioneer1", pose, Twist(), "world"))
+        answer = service("set_model_state", srv.SetModelState)(
+            ModelState("pioneer1", pose, Twist(), "world")
+        )
         assert answer.success, answer.status_message
-        link = service("get_link_state", srv.GetLinkState)("pioneer1::laser", "pioneer1::base_link").link_state
+        link = service("get_link_state", srv.GetLinkState)(
+            "pioneer1::laser", "pioneer1::base_link"
+        ).link_state
         assert abs(link.pose.position.z - 0.27) < 0.001
-        self.truth.wait_for(lambda truth: abs(truth.pose.pose.position.y + 2.5) < 0.02, "the new place")
+        self.truth.wait_for(
+            lambda truth: abs(truth.pose.pose.position.y + 2.5) < 0.02, "the new place"
+        )
         states = rospy.wait_for_message("/gazebo/model_states", ModelStates, PATIENCE)
         assert "pioneer1" in states.name
         gone = service("get_model_state", srv.GetModelState)("nobody", "")
@@ -178,7 +207,9 @@ class SimulatorTest(unittest.TestCase):
     def test_an_actor_walks_where_it_is_spawned_and_cannot_be_placed(self) -> None:
         person = (Path(__file__).parents[2] / "models" / "walking_person" / "model.sdf").read_text()
         spawn_sdf = service("spawn_sdf_model", srv.SpawnModel)
-        answer = spawn_sdf("walker", person, "", Pose(Point(0.0, -3.5, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0)), "")
+        answer = spawn_sdf(
+            "walker", person, "", Pose(Point(0.0, -3.5, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0)), ""
+        )
         assert answer.success, answer.status_message
         states = Listener("/gazebo/model_states", ModelStates)
 
@@ -188,7 +219,9 @@ class SimulatorTest(unittest.TestCase):
 
         walking = states.wait_for(on_its_way, "half a metre of way")
         assert abs(walking.pose[walking.name.index("walker")].position.y + 3.5) < 1e-6
-        refused = service("set_model_state", srv.SetModelState)(ModelState("walker", Pose(), Twist(), "world"))
+        refused = service("set_model_state", srv.SetModelState)(
+            ModelState("walker", Pose(), Twist(), "world")
+        )
         assert "follows its script" in refused.status_message
         assert service("delete_model", srv.DeleteModel)("walker").success
 
@@ -218,7 +251,9 @@ class SimulatorTest(unittest.TestCase):
         other.wait_for(lambda odometry: odometry.pose.pose.position.x > 0.1, "way")
         assert service("delete_model", srv.DeleteModel)("pioneer2").success
         assert not service("delete_model", srv.DeleteModel)("pioneer2").success
-        assert "/pioneer2/odom" not in [topic for topic, _ in rospy.get_published_topics("/pioneer2")]
+        assert "/pioneer2/odom" not in [
+            topic for topic, _ in rospy.get_published_topics("/pioneer2")
+        ]
         self.odometry.wait_for(lambda message: True, "odometry of the one that stays")
 
 

@@ -21,10 +21,14 @@ MakeSimulation = Callable[..., Simulation]
 
 
 def floor() -> Model:
-    return Model("floor", static=True, links=(Link("link", collisions=(Collision("c", Pose(), Plane()),)),))
+    return Model(
+        "floor", static=True, links=(Link("link", collisions=(Collision("c", Pose(), Plane()),)),)
+    )
 
 
-def box_model(name: str, pose: Pose, size: tuple[float, float, float], static: bool = True, mass: float = 1.0) -> Model:
+def box_model(
+    name: str, pose: Pose, size: tuple[float, float, float], static: bool = True, mass: float = 1.0
+) -> Model:
     collision = Collision("collision", Pose(), Box(size))
     return Model(name, pose, static, (Link("link", mass=mass, collisions=(collision,)),))
 
@@ -50,12 +54,20 @@ SIDES = 24
 
 def write_drum(path: Path, radius: float, width: float) -> Path:
     """Writes a cylinder around the y axis as binary STL."""
-    rim = [(radius * math.cos(a), radius * math.sin(a)) for a in np.arange(SIDES) * math.tau / SIDES]
+    rim = [
+        (radius * math.cos(a), radius * math.sin(a)) for a in np.arange(SIDES) * math.tau / SIDES
+    ]
     triangles = []
     for (x, z), (u, w) in zip(rim, rim[1:] + rim[:1], strict=True):
         near, far = -width / 2, width / 2
-        triangles += [[(x, near, z), (u, near, w), (u, far, w)], [(x, near, z), (u, far, w), (x, far, z)]]
-        triangles += [[(0, near, 0), (u, near, w), (x, near, z)], [(0, far, 0), (x, far, z), (u, far, w)]]
+        triangles += [
+            [(x, near, z), (u, near, w), (u, far, w)],
+            [(x, near, z), (u, far, w), (x, far, z)],
+        ]
+        triangles += [
+            [(0, near, 0), (u, near, w), (x, near, z)],
+            [(0, far, 0), (x, far, z), (u, far, w)],
+        ]
     data = bytes(80) + struct.pack("<I", len(triangles))
     for triangle in triangles:
         data += struct.pack("<12fH", 0, 0, 0, *np.ravel(triangle), 0)
@@ -110,10 +122,14 @@ def simulate() -> Iterator[MakeSimulation]:
     """Returns a function that makes a world with a floor and the given models; closes the engines afterwards."""
     engines: list[BulletEngine] = []
 
-    def make(*models: Model, seed: int = 0, odometry_error: float = 0.0, odometry_scale: float = 1.0) -> Simulation:
+    def make(
+        *models: Model, seed: int = 0, odometry_error: float = 0.0, odometry_scale: float = 1.0
+    ) -> Simulation:
         engine = BulletEngine()
         engines.append(engine)
-        simulation = Simulation(engine, triangles_of_mesh, Physics(), seed, odometry_error, odometry_scale)
+        simulation = Simulation(
+            engine, triangles_of_mesh, Physics(), seed, odometry_error, odometry_scale
+        )
         simulation.load(World("test", (floor(), *models)))
         return simulation
 

@@ -32,7 +32,9 @@ class FakeEngine:
         self.steps = 0  #: steps so far
         self.touched: set[int] = set()  #: handles that `touching` reports; set by the test
         self.resting: set[int] = set()  #: handles that may sleep
-        self.pushed: list[tuple[int, int, Vector, Vector, Vector]] = []  #: arguments of every `push`
+        self.pushed: list[
+            tuple[int, int, Vector, Vector, Vector]
+        ] = []  #: arguments of every `push`
         #: arguments of the last `set_standing`: ground, obstacles
         self.standing: tuple[list[PlacedCollision], list[PlacedCollision]] = ([], [])
         self.refuses = ""  #: a body of this name is refused
@@ -43,7 +45,9 @@ class FakeEngine:
     def configure(self, physics: Physics) -> None:
         self._physics = physics
 
-    def set_standing(self, ground: Sequence[PlacedCollision], obstacles: Sequence[PlacedCollision]) -> None:
+    def set_standing(
+        self, ground: Sequence[PlacedCollision], obstacles: Sequence[PlacedCollision]
+    ) -> None:
         self.standing = list(ground), list(obstacles)
 
     def add(self, body: Body, pose: Pose) -> int:
@@ -68,7 +72,9 @@ class FakeEngine:
         if len(body.speeds) == 2:
             left, right = (speed * self.radius for speed in body.speeds.values())
             speed, turn, yaw = (left + right) / 2, (right - left) / self.track, body.pose.yaw
-            body.velocity = Velocity((speed * math.cos(yaw), speed * math.sin(yaw), 0.0), (0.0, 0.0, turn))
+            body.velocity = Velocity(
+                (speed * math.cos(yaw), speed * math.sin(yaw), 0.0), (0.0, 0.0, turn)
+            )
         (x, y, z), (vx, vy, vz) = body.pose.position, body.velocity.linear
         yaw = body.pose.yaw + body.velocity.angular[2] * step
         body.pose = Pose.from_rpy(x + vx * step, y + vy * step, z + vz * step, yaw=yaw)
@@ -108,7 +114,9 @@ class FakeEngine:
     def set_joint(self, handle: int, part: int, position: float) -> None:
         self._bodies[handle].angles[part] = position
 
-    def turn(self, handle: int, parts: Sequence[int], speeds: Sequence[float], efforts: Sequence[float]) -> None:
+    def turn(
+        self, handle: int, parts: Sequence[int], speeds: Sequence[float], efforts: Sequence[float]
+    ) -> None:
         del efforts
         self._bodies[handle].speeds.update(zip(parts, speeds, strict=True))
 

@@ -18,7 +18,8 @@ def waypoint(time, pose):
 
 def actor(*trajectories, inner="", script="", name="walker"):
     ways = "".join(
-        f"<trajectory id='{i}' type='walking'>{''.join(way)}</trajectory>" for i, way in enumerate(trajectories)
+        f"<trajectory id='{i}' type='walking'>{''.join(way)}</trajectory>"
+        for i, way in enumerate(trajectories)
     )
     text = f"<actor name='{name}'>{inner}<script>{script}{ways}</script></actor>"
     world = world_from_sdf_text(f"<sdf version='1.6'><world name='w'>{text}</world></sdf>")
@@ -45,7 +46,9 @@ def test_a_straight_way_begins_and_ends_gently_as_in_gazebo():
 
 
 def test_a_way_passes_its_waypoints_at_their_times_and_turns_the_short_way():
-    model = actor((waypoint(0, "0 0 0 0 0 3"), waypoint(1, "1 2 0 0 0 -3"), waypoint(3, "5 -1 0 0 0 0")))
+    model = actor(
+        (waypoint(0, "0 0 0 0 0 3"), waypoint(1, "1 2 0 0 0 -3"), waypoint(3, "5 -1 0 0 0 0"))
+    )
     assert at(model, 1.0) == pytest.approx((1, 2, 0))
     assert abs(model.script.pose(0.5).yaw) == pytest.approx(math.pi)
 
@@ -79,7 +82,9 @@ def test_the_delay_comes_before_every_round_and_without_auto_start_nothing_moves
 
 def test_an_actor_without_collisions_is_an_upright_person_on_the_ground():
     tilted = (waypoint(0, "0 0 1.21 1.57 0 0.5"), waypoint(4, "4 0 1.21 1.57 0 0.5"))
-    model = actor(tilted, inner="<skin><filename>walk.dae</filename></skin><animation name='walking'/>")
+    model = actor(
+        tilted, inner="<skin><filename>walk.dae</filename></skin><animation name='walking'/>"
+    )
     (link,) = model.links
     (collision,) = link.collisions
     foot = model.script.pose(2.0).compose(collision.pose)
@@ -178,11 +183,15 @@ def test_an_actor_cannot_be_placed_but_removed(simulate):
 
 def test_a_leap_from_end_to_beginning_pushes_nobody_away(simulate, box):
     crate = box("crate", Pose((2.0, 0.0, 0.1)), (0.2, 0.2, 0.2), static=False)
-    once = Script((Trajectory((Waypoint(0, Pose((0, 5, 0))), Waypoint(1, Pose((4, 5, 0))))),), Pose())
+    once = Script(
+        (Trajectory((Waypoint(0, Pose((0, 5, 0))), Waypoint(1, Pose((4, 5, 0))))),), Pose()
+    )
     walker = actor(STRAIGHT)
     simulation = simulate(crate, Model("leaper", links=walker.links, script=once))
     simulation.advance(seconds(10.0))
-    assert simulation.pose(simulation.entity("crate")).position[:2] == pytest.approx((2, 0), abs=0.01)
+    assert simulation.pose(simulation.entity("crate")).position[:2] == pytest.approx(
+        (2, 0), abs=0.01
+    )
 
 
 def test_a_spawned_actor_walks_from_where_it_is_put():

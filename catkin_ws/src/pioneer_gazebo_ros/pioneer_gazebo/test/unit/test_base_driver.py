@@ -38,9 +38,13 @@ def test_a_driving_wheel_draws_its_power_over_the_efficiency_and_a_held_one_draw
         return battery.voltage * battery.current - CONFIG.idlePower
 
     assert power(Wheel(0.5, 4.0, 0.1), windingLoss=0.0) == pytest.approx(4.0)
-    assert power(Wheel(0.0, 5.0, 0.1), Wheel(0.0, 5.0, 0.1), rollingResistance=3.0) == pytest.approx(3.0)
+    assert power(
+        Wheel(0.0, 5.0, 0.1), Wheel(0.0, 5.0, 0.1), rollingResistance=3.0
+    ) == pytest.approx(3.0)
     assert power(Wheel(1.0, 0.0, 0.1)) == pytest.approx(2.0)
-    assert power(Wheel(-0.5, 4.0, 0.1), windingLoss=0.0) == pytest.approx(0.0), "braking gives nothing back"
+    assert power(Wheel(-0.5, 4.0, 0.1), windingLoss=0.0) == pytest.approx(0.0), (
+        "braking gives nothing back"
+    )
 
 
 def test_an_empty_battery_stays_empty_and_a_reset_charges_it():
@@ -70,9 +74,14 @@ def test_segments_go_from_left_to_right_in_front_and_behind():
 
 @pytest.mark.parametrize(
     ("setting", "word"),
-    [("<capacity>0</capacity>", "capacity must be above 0"), ("<initialCharge>2</initialCharge>", "at most 1")],
+    [
+        ("<capacity>0</capacity>", "capacity must be above 0"),
+        ("<initialCharge>2</initialCharge>", "at most 1"),
+    ],
 )
 def test_a_battery_that_makes_no_sense_is_refused(setting, word):
     plugin = f"<plugin name='b' filename='libpioneer_base_driver.so'>{setting}</plugin>"
     with pytest.raises(DescriptionError, match=word):
-        robot_from_urdf(f"<robot name='r'><link name='base_link'/><gazebo>{plugin}</gazebo></robot>")
+        robot_from_urdf(
+            f"<robot name='r'><link name='base_link'/><gazebo>{plugin}</gazebo></robot>"
+        )

@@ -70,7 +70,9 @@ def test_the_floor_is_below_the_horizon_only(renderer):
 
 def test_a_mesh_is_drawn(renderer, tmp_path):
     (tmp_path / "t.obj").write_text("v 0 -1 0\nv 0 1 0\nv 0 0 2\nf 1 2 3\nf 3 2 1\n")
-    picture, _ = renderer.picture(CAMERA, EYE, [look(Mesh(str(tmp_path / "t.obj")), Pose((4.0, 0.0, 0.0)))], [])
+    picture, _ = renderer.picture(
+        CAMERA, EYE, [look(Mesh(str(tmp_path / "t.obj")), Pose((4.0, 0.0, 0.0)))], []
+    )
     assert of_colour(picture, 0).sum() > 200
 
 

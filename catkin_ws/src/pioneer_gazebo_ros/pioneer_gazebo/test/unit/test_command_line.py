@@ -6,7 +6,13 @@ import pytest
 
 from pioneer_gazebo.adapters.resource import world_path
 from pioneer_gazebo.core.argument import ArgumentError
-from pioneer_gazebo.core.fleet import FleetError, InitialPose, initial_pose, robot_names, robot_of_host
+from pioneer_gazebo.core.fleet import (
+    FleetError,
+    InitialPose,
+    initial_pose,
+    robot_names,
+    robot_of_host,
+)
 from pioneer_gazebo.nodes import run_navigation, run_simulation, world_to_map
 from pioneer_gazebo.nodes.run_simulation import SimulationOptions
 from pioneer_gazebo.nodes.session import SessionError
@@ -46,7 +52,9 @@ def test_lockstep_stands_in_the_place_of_a_real_time_factor():
         assert files[0][2]["real_time_factor"] == "lockstep"
         assert files[0][2]["lockstep_rings"] == "a b"
     assert (
-        run_navigation.options_from(["robot_name:=a"], {"REAL_TIME_FACTOR": "lockstep"}, "x").real_time_factor
+        run_navigation.options_from(
+            ["robot_name:=a"], {"REAL_TIME_FACTOR": "lockstep"}, "x"
+        ).real_time_factor
         == "lockstep"
     )
 
@@ -74,7 +82,9 @@ def test_fleet_of_no_robot_is_refused():
 def test_initial_pose_that_is_missing_or_broken_is_refused():
     poses = {"pioneer1": {"x": 1, "y": 2, "a": 3}, "pioneer2": {"x": 1}}
     assert initial_pose(poses, "pioneer1", "f") == InitialPose(1.0, 2.0, 3.0)
-    with pytest.raises(FleetError, match="f has no initial pose for pioneer3; it has pioneer1, pioneer2"):
+    with pytest.raises(
+        FleetError, match="f has no initial pose for pioneer3; it has pioneer1, pioneer2"
+    ):
         initial_pose(poses, "pioneer3", "f")
     with pytest.raises(FleetError, match="pioneer2 needs numbers x, y, a"):
         initial_pose(poses, "pioneer2", "f")
@@ -86,16 +96,22 @@ def test_fifteen_robots_have_their_launch_files():
     assert len(run_simulation.fleet_poses(options, "utm_0", robots)) == 15
     files = run_simulation.launch_files(options, Path("utm_0.world"), Path("utm_0.yaml"), robots)
     assert len(files) == 2 + 15 + 2
-    (states,) = (arguments for _, file, arguments in files if file == "robot_state_publishers.launch")
+    (states,) = (
+        arguments for _, file, arguments in files if file == "robot_state_publishers.launch"
+    )
     assert states["robots"].split() == [robot.name for robot in robots]
-    assert all(arguments["state_publisher"] == "false" for _, file, arguments in files if "generic" in file)
+    assert all(
+        arguments["state_publisher"] == "false" for _, file, arguments in files if "generic" in file
+    )
     assert files[0][2]["paused"] == "true"
 
 
 def test_a_fleet_file_gives_each_robot_its_description_pose_and_laser(tmp_path: Path):
     (tmp_path / "rover.urdf").write_text("<robot/>")
     fleet = tmp_path / "fleet.yaml"
-    fleet.write_text("robots: [{}, {name: rover, description: rover.urdf, laser: scan, pose: {x: 1, y: 2, a: 0}}, {}]")
+    fleet.write_text(
+        "robots: [{}, {name: rover, description: rover.urdf, laser: scan, pose: {x: 1, y: 2, a: 0}}, {}]"
+    )
     options = run_simulation.options_from([f"fleet:={fleet}"], {})
     robots = run_simulation.fleet_robots(options)
     poses = run_simulation.fleet_poses(options, "utm_0", robots)
@@ -103,7 +119,11 @@ def test_a_fleet_file_gives_each_robot_its_description_pose_and_laser(tmp_path: 
     assert poses["rover"] == InitialPose(1.0, 2.0, 0.0)
     assert poses["pioneer3"] == InitialPose(5.0, 1.0, 0.0)
     files = run_simulation.launch_files(options, Path("utm_0.world"), Path("utm_0.yaml"), robots)
-    own = {arguments["name"]: arguments.get("description") for _, file, arguments in files if "generic" in file}
+    own = {
+        arguments["name"]: arguments.get("description")
+        for _, file, arguments in files
+        if "generic" in file
+    }
     assert own == {"pioneer1": None, "rover": str(tmp_path / "rover.urdf"), "pioneer3": None}
 
     driven = run_navigation.options_from([f"fleet:={fleet}", "robot_name:=rover"], {}, "laptop")
@@ -111,7 +131,9 @@ def test_a_fleet_file_gives_each_robot_its_description_pose_and_laser(tmp_path: 
     (_, start) = run_navigation.launch_files(robot, poses["rover"], "poses.yaml")
     assert (number, start[2]["laser"], start[2]["x"]) == (2, "scan", "1.0")
     with pytest.raises(FleetError, match="has no robot pioneer2; it has pioneer1, rover, pioneer3"):
-        run_navigation.entry_of(run_navigation.options_from([f"fleet:={fleet}"], {"ROBOT_NAME": "pioneer2"}, "laptop"))
+        run_navigation.entry_of(
+            run_navigation.options_from([f"fleet:={fleet}"], {"ROBOT_NAME": "pioneer2"}, "laptop")
+        )
 
 
 @pytest.fixture
@@ -121,11 +143,15 @@ def own_world(tmp_path: Path) -> Path:
     return Path(shutil.copy(source, tmp_path / "my own.world"))
 
 
-def test_the_map_of_your_own_world_is_beside_it_once_the_command_in_the_error_has_run(own_world, capsys):
+def test_the_map_of_your_own_world_is_beside_it_once_the_command_in_the_error_has_run(
+    own_world, capsys
+):
     options = run_simulation.options_from([f"world_name:={own_world}"], {})
     with pytest.raises(SessionError) as raised:
         run_simulation.map_file(options, own_world)
-    package, tool, *words = shlex.split(str(raised.value).partition("(rosrun ")[2].partition(")")[0])
+    package, tool, *words = shlex.split(
+        str(raised.value).partition("(rosrun ")[2].partition(")")[0]
+    )
     assert (package, tool) == ("pioneer_gazebo", "world_to_map")
     assert world_to_map.main(words) == 0
     assert f"{own_world.with_suffix('.yaml')}: 260 × 220 cells" in capsys.readouterr().out
@@ -134,7 +160,10 @@ def test_the_map_of_your_own_world_is_beside_it_once_the_command_in_the_error_ha
 
 def test_the_map_of_a_world_of_the_package_is_the_packages_though_its_path_is_given():
     path = world_path("small_world")
-    assert run_simulation.map_file(SimulationOptions(str(path)), path) == path.parents[1] / "map" / "small_world.yaml"
+    assert (
+        run_simulation.map_file(SimulationOptions(str(path)), path)
+        == path.parents[1] / "map" / "small_world.yaml"
+    )
 
 
 def test_a_map_by_name_or_path_wins_over_the_worlds(own_world):
@@ -147,7 +176,10 @@ def test_a_map_by_name_or_path_wins_over_the_worlds(own_world):
 @pytest.mark.parametrize(
     ("word", "message"),
     [
-        ("map_name:=mars", "there is no map 'mars' in /.*/pioneer_gazebo/map; map_file:=PATH takes one from elsewhere"),
+        (
+            "map_name:=mars",
+            "there is no map 'mars' in /.*/pioneer_gazebo/map; map_file:=PATH takes one from elsewhere",
+        ),
         ("map_file:=/mars.yaml", "map_file: there is no file /mars.yaml"),
     ],
 )
@@ -160,7 +192,9 @@ def test_nodes_get_whole_paths_of_files_given_from_here(own_world, monkeypatch):
     monkeypatch.chdir(own_world.parent)
     world_to_map.main([own_world.name])
     options = SimulationOptions(own_world.name, map_file="my own.yaml")
-    world, *_, grid = run_simulation.launch_files(options, own_world, run_simulation.map_file(options, own_world), [])
+    world, *_, grid = run_simulation.launch_files(
+        options, own_world, run_simulation.map_file(options, own_world), []
+    )
     assert world[2]["world_name"] == str(own_world)
     assert grid[2] == {"map_file": str(own_world.with_suffix(".yaml"))}
 
@@ -175,7 +209,18 @@ def test_world_to_map_says_in_one_line_that_it_cannot_write(tmp_path, capsys):
 
 def test_world_to_map_writes_a_map_of_the_size_asked_for(tmp_path, capsys):
     target = tmp_path / "deep" / "blank"
-    words = ["blank", "-o", str(target), "--extent", "-100", "-100", "200", "200", "--outside", "free"]
+    words = [
+        "blank",
+        "-o",
+        str(target),
+        "--extent",
+        "-100",
+        "-100",
+        "200",
+        "200",
+        "--outside",
+        "free",
+    ]
     assert world_to_map.main(words) == 0
     assert "4000 × 4000 cells" in capsys.readouterr().out
     assert Path(f"{target}.pgm").stat().st_size == 4000 * 4000 + len("P5\n4000 4000\n255\n")

@@ -37,7 +37,11 @@ def test_odometry() -> None:
     template.fill(0, Pose(), STILL)
     pose = Pose.from_rpy(1.0, 2.0, 3.0, 0.1, 0.2, 0.3)
     message = read(Odometry, template.fill(TIME, pose, Velocity((0.5, 0.1, 0.2), (0.3, 0.4, 0.6))))
-    assert (message.header.seq, message.header.frame_id, message.child_frame_id) == (1, "r/odom", "r/base_link")
+    assert (message.header.seq, message.header.frame_id, message.child_frame_id) == (
+        1,
+        "r/odom",
+        "r/base_link",
+    )
     assert message.header.stamp == genpy.Time(12, 340_000_000)
     assert conversions.pose_from_message(message.pose.pose).rotation == pytest.approx(pose.rotation)
     assert (message.twist.twist.linear.x, message.twist.twist.angular.z) == (0.5, 0.6)
@@ -53,8 +57,14 @@ def test_scan() -> None:
 
 
 def test_joint_states() -> None:
-    message = read(JointState, conversions.JointStateTemplate(["a", "bb"]).fill(TIME, [(1.0, 2.0), (3.0, 4.0)]))
-    assert (message.name, message.position, message.velocity) == (["a", "bb"], (1.0, 3.0), (2.0, 4.0))
+    message = read(
+        JointState, conversions.JointStateTemplate(["a", "bb"]).fill(TIME, [(1.0, 2.0), (3.0, 4.0)])
+    )
+    assert (message.name, message.position, message.velocity) == (
+        ["a", "bb"],
+        (1.0, 3.0),
+        (2.0, 4.0),
+    )
 
 
 def test_range() -> None:

@@ -12,7 +12,16 @@ from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.robot import Robot
 from pioneer_gazebo.core.schedule import TICK_RATE, Schedule
 from pioneer_gazebo.core.simulation import Simulation
-from pioneer_gazebo.core.world import Box, Collision, Cylinder, Link, Model, Script, Trajectory, Waypoint
+from pioneer_gazebo.core.world import (
+    Box,
+    Collision,
+    Cylinder,
+    Link,
+    Model,
+    Script,
+    Trajectory,
+    Waypoint,
+)
 from pioneer_gazebo.nodes.timeline import Pacer
 
 MakeSimulation = Callable[..., Simulation]
@@ -26,7 +35,8 @@ END = 6 * TICK_RATE
 def digest(simulation: Simulation, robot: Robot, pieces: Iterator[int]) -> str:
     """Runs six seconds in ``pieces`` [ticks]; returns a digest of everything that two robots report."""
     entities = [
-        simulation.add_robot(name, name, robot, Pose.from_rpy(0.9 * k, yaw=2.0 * k)) for k, name in enumerate("ab")
+        simulation.add_robot(name, name, robot, Pose.from_rpy(0.9 * k, yaw=2.0 * k))
+        for k, name in enumerate("ab")
     ]
     found = hashlib.sha256()
     schedule = Schedule()
@@ -41,7 +51,14 @@ def digest(simulation: Simulation, robot: Robot, pieces: Iterator[int]) -> str:
         for entity in entities:
             odometry = simulation.odometry(entity.drives[0])
             pose, velocity = simulation.pose(entity), simulation.velocity(entity)
-            numbers = [*pose.position, *pose.rotation, *velocity.linear, odometry.x, odometry.y, odometry.yaw]
+            numbers = [
+                *pose.position,
+                *pose.rotation,
+                *velocity.linear,
+                odometry.x,
+                odometry.y,
+                odometry.yaw,
+            ]
             found.update(np.array([tick, *numbers]).tobytes())
             if tick % 60 == 0:
                 found.update(simulation.ranges(entity, entity.lasers[0]).tobytes())
@@ -75,9 +92,18 @@ def test_the_same_bits_come_with_a_walking_person_and_a_swinging_door(
 ) -> None:
     collision = Collision("c", Pose((0.0, 0.0, 0.9)), Cylinder(0.25, 1.8))
     way = Trajectory((Waypoint(0.0, Pose((-2.0, 0.1, 0.0))), Waypoint(5.0, Pose((2.0, -0.1, 0.0)))))
-    person = Model("person", links=(Link("l", collisions=(collision,)),), script=Script((way,), Pose()))
-    hinge = Joint("hinge", CONTINUOUS, WORLD, "leaf", Pose((0.0, 0.5, 0.5)), (0.0, 0.0, 1.0), friction=0.1)
-    leaf = Link("leaf", Pose((0.0, 0.5, 0.5)), 2.0, collisions=(Collision("c", Pose(), Box((1.0, 0.1, 0.9))),))
+    person = Model(
+        "person", links=(Link("l", collisions=(collision,)),), script=Script((way,), Pose())
+    )
+    hinge = Joint(
+        "hinge", CONTINUOUS, WORLD, "leaf", Pose((0.0, 0.5, 0.5)), (0.0, 0.0, 1.0), friction=0.1
+    )
+    leaf = Link(
+        "leaf",
+        Pose((0.0, 0.5, 0.5)),
+        2.0,
+        collisions=(Collision("c", Pose(), Box((1.0, 0.1, 0.9))),),
+    )
     door = Model("door", Pose((0.5, 1.0, 0.0)), links=(leaf,), joints=(hinge,))
     reference = digest(simulate(person, door, seed=3), robot, cycle((6,)))
     assert digest(simulate(person, door, seed=3), robot, cycle(pieces)) == reference

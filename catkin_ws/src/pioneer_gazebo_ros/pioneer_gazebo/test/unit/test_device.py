@@ -24,7 +24,9 @@ from pioneer_gazebo.core.simulation import Simulation
 MakeSimulation = Callable[..., Simulation]
 
 SIDES = (("left", 0.2), ("right", -0.2))
-WHEELS = [(f"{end}_{side}", x, y) for end, x in (("front", 0.15), ("rear", -0.15)) for side, y in SIDES]
+WHEELS = [
+    (f"{end}_{side}", x, y) for end, x in (("front", 0.15), ("rear", -0.15)) for side, y in SIDES
+]
 LIGHT = "<inertial><mass>2</mass><inertia><ixx>0.01</ixx><iyy>0.01</iyy><izz>0.01</izz></inertia></inertial>"
 SKID = """<gazebo><plugin name="skid" filename="libgazebo_ros_skid_steer_drive.so">
 <leftFrontJoint>front_left</leftFrontJoint><rightFrontJoint>front_right</rightFrontJoint>
@@ -33,7 +35,9 @@ SKID = """<gazebo><plugin name="skid" filename="libgazebo_ros_skid_steer_drive.s
 <robotNamespace>/husky</robotNamespace><broadcastTF>false</broadcastTF></plugin></gazebo>"""
 
 
-def rover(extra: str = "", wheels: str = '<cylinder radius="0.1" length="0.08"/>', smooth: bool = False) -> Robot:
+def rover(
+    extra: str = "", wheels: str = '<cylinder radius="0.1" length="0.08"/>', smooth: bool = False
+) -> Robot:
     """Returns a four-wheeled robot; its rear wheels slide if ``smooth``."""
     links = ['<link name="base"><inertial><mass value="15"/><inertia ixx="0.3" iyy="0.4" izz="0.6"/></inertial>'
              '<collision><geometry><box size="0.5 0.28 0.15"/></geometry></collision></link>']  # fmt: skip
@@ -76,8 +80,12 @@ def test_a_skid_steer_robot_drives_straight_and_turns_to_the_left(simulate: Make
 
 
 @pytest.mark.parametrize("extra", [SKID, ""])
-@pytest.mark.parametrize("wheels", ['<cylinder radius="0.1" length="0.08"/>', '<sphere radius="0.1"/>'])
-def test_four_wheels_without_a_command_stay_where_they_are(simulate: MakeSimulation, extra: str, wheels: str) -> None:
+@pytest.mark.parametrize(
+    "wheels", ['<cylinder radius="0.1" length="0.08"/>', '<sphere radius="0.1"/>']
+)
+def test_four_wheels_without_a_command_stay_where_they_are(
+    simulate: MakeSimulation, extra: str, wheels: str
+) -> None:
     simulation = simulate()
     entity = spawned(simulation, rover(extra, wheels))
     before = simulation.pose(entity)
@@ -155,9 +163,15 @@ def test_a_gps_moves_north_and_east_by_metres(simulate: MakeSimulation) -> None:
 
 
 @pytest.mark.parametrize("swapped", [False, True])
-def test_the_left_wheel_is_where_it_lies_unless_in_legacy_mode(simulate: MakeSimulation, swapped: bool) -> None:
+def test_the_left_wheel_is_where_it_lies_unless_in_legacy_mode(
+    simulate: MakeSimulation, swapped: bool
+) -> None:
     left, right = ("front_right", "front_left") if swapped else ("front_left", "front_right")
-    for mode, way in (("", 1.0), ("true", 1.0 if swapped else -1.0), ("false", -1.0 if swapped else 1.0)):
+    for mode, way in (
+        ("", 1.0),
+        ("true", 1.0 if swapped else -1.0),
+        ("false", -1.0 if swapped else 1.0),
+    ):
         words = f"<legacyMode>{mode}</legacyMode>" if mode else ""
         plugin = f"""<gazebo><plugin name="d" filename="libgazebo_ros_diff_drive.so"><leftJoint>{left}</leftJoint>
         <rightJoint>{right}</rightJoint><wheelSeparation>0.4</wheelSeparation><wheelDiameter>0.2</wheelDiameter>{words}
@@ -263,20 +277,33 @@ def test_a_diff_drive_controller_is_read_under_ros_controls_names() -> None:
     assert (robot.namespace, robot.warnings) == ("rover", ())
     assert drive.joints() == (("front_left", "rear_left"), ("front_right", "rear_right"))
     assert (drive.commandTopic, drive.odometryTopic) == ("base/cmd_vel", "base/odom")
-    assert (drive.wheelSeparation, drive.wheelDiameter, drive.updateRate, drive.commandTimeout) == (0.4, 0.2, 40, 1)
-    assert (drive.robotBaseFrame, drive.odometryFrame, drive.publishOdomTF) == ("base", "odom", False)
+    assert (drive.wheelSeparation, drive.wheelDiameter, drive.updateRate, drive.commandTimeout) == (
+        0.4,
+        0.2,
+        40,
+        1,
+    )
+    assert (drive.robotBaseFrame, drive.odometryFrame, drive.publishOdomTF) == (
+        "base",
+        "odom",
+        False,
+    )
     [states] = robot.of(JointStatePublisher)
     assert (states.updateRate, states.topicName, states.jointName) == (25, "joint_states", ())
 
 
 def test_separation_and_radius_are_those_of_the_description_where_the_yaml_has_none() -> None:
-    given = parameters(left_wheel="front_left", right_wheel="front_right", wheel_separation_multiplier=1.5)
+    given = parameters(
+        left_wheel="front_left", right_wheel="front_right", wheel_separation_multiplier=1.5
+    )
     del given["base"]["wheel_separation"], given["base"]["wheel_radius"]
     [drive] = driven(given).drives
     assert (drive.wheelSeparation, drive.wheelDiameter) == pytest.approx((0.6, 0.2))
 
 
-def test_a_controlled_robot_drives_within_its_limits_and_stops_without_commands(simulate: MakeSimulation) -> None:
+def test_a_controlled_robot_drives_within_its_limits_and_stops_without_commands(
+    simulate: MakeSimulation,
+) -> None:
     simulation = simulate()
     entity = spawned(simulation, driven(parameters()))
     for _ in range(8):
@@ -298,7 +325,10 @@ def test_a_controlled_robot_drives_within_its_limits_and_stops_without_commands(
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"left_wheel": "frot_left"}, "base/left_wheel: unknown joint 'frot_left'; did you mean 'front_left'"),
+        (
+            {"left_wheel": "frot_left"},
+            "base/left_wheel: unknown joint 'frot_left'; did you mean 'front_left'",
+        ),
         ({"left_wheel": None}, "base/left_wheel is missing"),
         ({"left_wheel": "front_left"}, "as many left as right wheels"),
         ({"wheel_radius": 0}, "base/wheel_radius is 0 and must be a number > 0"),
@@ -306,7 +336,9 @@ def test_a_controlled_robot_drives_within_its_limits_and_stops_without_commands(
         ({"linear": {"x": {"has_velocity_limits": True}}}, "base/linear/x/max_velocity is missing"),
     ],
 )
-def test_an_invalid_controller_is_refused_by_its_parameters_name(changed: dict[str, Any], message: str) -> None:
+def test_an_invalid_controller_is_refused_by_its_parameters_name(
+    changed: dict[str, Any], message: str
+) -> None:
     with pytest.raises(DescriptionError, match=message):
         controlled(rover(CONTROL), parameters(**changed))
 
@@ -331,18 +363,28 @@ CART = """<model name='cart'><pose>1 2 0 0 0 0</pose>
     <robotNamespace>cart</robotNamespace></plugin></model>"""
 
 
-def test_sensors_and_plugins_of_a_nested_sdf_model_are_those_of_the_outer_one(simulate: MakeSimulation) -> None:
-    outer = "<plugin name='m' filename='libgazebo_ros_p3d.so'><bodyName>cart::base</bodyName></plugin>"
+def test_sensors_and_plugins_of_a_nested_sdf_model_are_those_of_the_outer_one(
+    simulate: MakeSimulation,
+) -> None:
+    outer = (
+        "<plugin name='m' filename='libgazebo_ros_p3d.so'><bodyName>cart::base</bodyName></plugin>"
+    )
     text = f"<sdf version='1.6'><model name='train'>{CART}{outer}</model></sdf>"
     world = world_from_sdf_text(text)
     assert world.warnings == ()
     [model] = world.models
     laser, states, truth = model.devices
     assert isinstance(laser, LaserSensor)
-    assert (laser.link, states.jointName, truth.bodyName) == ("cart::base", ("cart::turn",), "cart::base")
+    assert (laser.link, states.jointName, truth.bodyName) == (
+        "cart::base",
+        ("cart::turn",),
+        "cart::base",
+    )
     simulation = simulate()
     simulation.add_model(model)
     entity = simulation.entity("train")
     assert entity.namespace == "cart"
-    x, y, _ = simulation.link_pose(entity, "cart::base").compose(entity.lasers[0].device.pose).position
+    x, y, _ = (
+        simulation.link_pose(entity, "cart::base").compose(entity.lasers[0].device.pose).position
+    )
     assert (x, y) == pytest.approx((1.0, 2.0))

@@ -23,7 +23,9 @@ height: 0.5
 
 def solids(text):
     world = world_of_plan(plan_from_text(text), "rooms", GROUND_PLANE)
-    return [(c.collision.shape, c.pose.position) for c in world.collisions() if c.model.name == "walls"]
+    return [
+        (c.collision.shape, c.pose.position) for c in world.collisions() if c.model.name == "walls"
+    ]
 
 
 def test_walls_in_one_line_are_one_box():

@@ -31,7 +31,9 @@ def write_model(folder: Path, name: str, inner: str, config: str = "<name>m</nam
     (folder / name).mkdir(parents=True)
     text = f"<?xml version='1.0'?>\n<model>{config}<sdf version='1.6'>model.sdf</sdf></model>"
     (folder / name / "model.config").write_text(text)
-    (folder / name / "model.sdf").write_text(f"<sdf version='1.6'><model name='{name}'>{inner}</model></sdf>")
+    (folder / name / "model.sdf").write_text(
+        f"<sdf version='1.6'><model name='{name}'>{inner}</model></sdf>"
+    )
 
 
 def load(folder: Path, inner: str, **options: str) -> World:
@@ -39,9 +41,12 @@ def load(folder: Path, inner: str, **options: str) -> World:
 
 
 def test_a_model_that_includes_a_static_one_is_static(tmp_path: Path) -> None:
-    write_model(tmp_path / "models", "shelf", f"<static>true</static><pose>0 0 5 0 0 0</pose>{shelf()}")
+    write_model(
+        tmp_path / "models", "shelf", f"<static>true</static><pose>0 0 5 0 0 0</pose>{shelf()}"
+    )
     world = load(
-        tmp_path, "<model name='outer'><include><uri>model://shelf</uri><pose>1 2 0 0 0 0</pose></include></model>"
+        tmp_path,
+        "<model name='outer'><include><uri>model://shelf</uri><pose>1 2 0 0 0 0</pose></include></model>",
     )
     (found,) = world.collisions(static_only=True)
     assert found.pose.position == (1, 2, 0)
@@ -50,7 +55,9 @@ def test_a_model_that_includes_a_static_one_is_static(tmp_path: Path) -> None:
 @pytest.mark.parametrize("static", ["true", "false"])
 def test_zero_mass_and_inertia_are_noted_with_file_and_line(tmp_path: Path, static: str) -> None:
     zero = "<inertial>\n<mass>0</mass><inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia></inertial>"
-    world = load(tmp_path, f"{FLOOR}<model name='m'><static>{static}</static>{shelf(inertial=zero)}</model>")
+    world = load(
+        tmp_path, f"{FLOOR}<model name='m'><static>{static}</static>{shelf(inertial=zero)}</model>"
+    )
     link = world.models[1].links[0]
     assert link.mass > 0
     assert link.inertia.izz > 0
@@ -78,7 +85,9 @@ def test_only_the_invalid_shape_joint_or_model_of_a_world_is_left_out(tmp_path: 
         .replace("</link>", "")
     )
     broken = shelf("0 1 1").replace("</link>", f"{second}</link>")
-    joint = "<joint name='j' type='revolute'><parent>l</parent><child>nowhere</child><axis/></joint>"
+    joint = (
+        "<joint name='j' type='revolute'><parent>l</parent><child>nowhere</child><axis/></joint>"
+    )
     world = load(
         tmp_path,
         f"{FLOOR}<model name='a'>{broken}{joint}</model><model name='b'><pose>1 2 x 0 0 0</pose>{shelf()}</model>"
@@ -87,12 +96,20 @@ def test_only_the_invalid_shape_joint_or_model_of_a_world_is_left_out(tmp_path: 
     assert [model.name for model in world.models] == ["ground_plane", "a", "c"]
     assert [one.shape for one in world.models[1].links[0].collisions] == [Box((2, 2, 2))]
     assert len(world.warnings) == 3, world.warnings
-    assert all(line.startswith(f"{tmp_path}/w.world, line ") and "; it is ignored" in line for line in world.warnings)
+    assert all(
+        line.startswith(f"{tmp_path}/w.world, line ") and "; it is ignored" in line
+        for line in world.warnings
+    )
 
 
-def test_a_world_in_which_everything_falls_or_nothing_can_be_touched_is_noted(tmp_path: Path) -> None:
+def test_a_world_in_which_everything_falls_or_nothing_can_be_touched_is_noted(
+    tmp_path: Path,
+) -> None:
     assert "all models fall" in load(tmp_path, f"<model name='m'>{shelf()}</model>").warnings[0]
-    assert "no model has a collision shape" in load(tmp_path, "<model name='m'><link name='l'/></model>").warnings[0]
+    assert (
+        "no model has a collision shape"
+        in load(tmp_path, "<model name='m'><link name='l'/></model>").warnings[0]
+    )
     assert load(tmp_path, FLOOR).warnings == ()
 
 
@@ -122,9 +139,16 @@ def test_the_map_of_a_world_shows_boxes_that_are_not_static_unless_asked_not_to(
 ) -> None:
     path = write(tmp_path, f"{FLOOR}<model name='crate'>{shelf()}</model>")
     for words, grey in (([], OCCUPIED), (["--static-only"], FREE)):
-        assert world_to_map.main([str(path), "--extent", "-2", "-2", "4", "4", "--outside", "free", *words]) == 0
+        assert (
+            world_to_map.main(
+                [str(path), "--extent", "-2", "-2", "4", "4", "--outside", "free", *words]
+            )
+            == 0
+        )
         assert "1 models that can move (crate …)" in capsys.readouterr().err
-        cells = np.frombuffer((tmp_path / "w.pgm").read_bytes()[-80 * 80 :], np.uint8).reshape(80, 80)
+        cells = np.frombuffer((tmp_path / "w.pgm").read_bytes()[-80 * 80 :], np.uint8).reshape(
+            80, 80
+        )
         assert cells[40, 40] == grey
 
 

@@ -22,7 +22,9 @@ def run(simulation: Simulation, seconds: float) -> None:
     simulation.advance(simulation.tick + round(seconds * TICK_RATE))
 
 
-def drive_for(simulation: Simulation, entity: Entity, seconds: float, speed: float, turn: float = 0.0) -> Pose:
+def drive_for(
+    simulation: Simulation, entity: Entity, seconds: float, speed: float, turn: float = 0.0
+) -> Pose:
     run(simulation, 1.0)
     entity.drives[0].drive.command(speed, turn)
     run(simulation, seconds)
@@ -31,7 +33,9 @@ def drive_for(simulation: Simulation, entity: Entity, seconds: float, speed: flo
     return simulation.pose(entity)
 
 
-def test_two_meshes_on_a_wheel_leave_the_other_wheel_driven(simulate: MakeSimulation, mesh_robot: Robot) -> None:
+def test_two_meshes_on_a_wheel_leave_the_other_wheel_driven(
+    simulate: MakeSimulation, mesh_robot: Robot
+) -> None:
     simulation = simulate()
     entity = simulation.add_robot("r", "r", mesh_robot, Pose((0.0, 0.0, 0.135)))
     pose = drive_for(simulation, entity, 3.0, 0.2)
@@ -59,7 +63,9 @@ def test_a_robot_spawned_in_a_thick_floor_lands_on_it_and_drives(
     assert entity.collisions.count == 0
 
 
-def test_a_robot_drives_on_a_platform_and_beside_it(simulate: MakeSimulation, robot: Robot, box: MakeBox) -> None:
+def test_a_robot_drives_on_a_platform_and_beside_it(
+    simulate: MakeSimulation, robot: Robot, box: MakeBox
+) -> None:
     face = 0.185 + 0.01
     simulation = simulate(box("platform", Pose((0.0, face + 1.0, 0.25)), (6.0, 2.0, 0.5)))
     beside = simulation.add_robot("beside", "b", robot, Pose((-1.0, 0.0, 0.0)))
@@ -75,7 +81,9 @@ def test_a_robot_drives_on_a_platform_and_beside_it(simulate: MakeSimulation, ro
 
 def test_a_robot_climbs_a_ramp(simulate: MakeSimulation, robot: Robot, box: MakeBox) -> None:
     slope = 0.1
-    ramp = box("ramp", Pose.from_rpy(3.0, 0.0, 2.0 * math.sin(slope) - 0.05, pitch=-slope), (4.0, 2.0, 0.1))
+    ramp = box(
+        "ramp", Pose.from_rpy(3.0, 0.0, 2.0 * math.sin(slope) - 0.05, pitch=-slope), (4.0, 2.0, 0.1)
+    )
     simulation = simulate(ramp)
     entity = simulation.add_robot("r", "r", robot, Pose())
     pose = drive_for(simulation, entity, 10.0, 0.3)
@@ -83,7 +91,9 @@ def test_a_robot_climbs_a_ramp(simulate: MakeSimulation, robot: Robot, box: Make
     assert -pose.rpy()[1] == pytest.approx(slope, abs=0.02)
 
 
-def test_a_robot_stands_and_drives_on_a_mesh(simulate: MakeSimulation, robot: Robot, tmp_path: Path) -> None:
+def test_a_robot_stands_and_drives_on_a_mesh(
+    simulate: MakeSimulation, robot: Robot, tmp_path: Path
+) -> None:
     path = tmp_path / "floor.obj"
     path.write_text("v -5 -5 0.2\nv 5 -5 0.2\nv 5 5 0.2\nv -5 5 0.2\nv 2 -5 0.2\nv 2 5 0.2\nv 2 -5 1\nv 2 5 1\n"
                     "f 1 2 3\nf 1 3 4\nf 5 6 8\nf 5 8 7\n")  # fmt: skip
@@ -115,7 +125,9 @@ def test_two_places_of_one_mesh_carry_robots_also_after_other_models_came_and_we
     assert heights == pytest.approx([0.0, 0.6], abs=0.003)
 
 
-def test_a_robot_set_above_a_floor_falls_on_it(simulate: MakeSimulation, robot: Robot, box: MakeBox) -> None:
+def test_a_robot_set_above_a_floor_falls_on_it(
+    simulate: MakeSimulation, robot: Robot, box: MakeBox
+) -> None:
     simulation = simulate(floor_box(box, 0.2))
     entity = simulation.add_robot("r", "r", robot, Pose((0.0, 0.0, 0.3)))
     run(simulation, 2.0)

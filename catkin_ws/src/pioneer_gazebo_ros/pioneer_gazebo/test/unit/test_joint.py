@@ -64,7 +64,9 @@ def test_a_hinge_is_read_with_its_place_axis_limits_and_damping():
 
 def test_a_revolute_joint_without_limits_is_continuous():
     limit = "<axis><xyz>0 0 1</xyz><limit><lower>-1e16</lower><upper>1e16</upper></limit></axis>"
-    (found,) = model_of(link("a"), link("b", "1 0 0 0 0 0"), joint("j", "revolute", "a", "b", limit)).joints
+    (found,) = model_of(
+        link("a"), link("b", "1 0 0 0 0 0"), joint("j", "revolute", "a", "b", limit)
+    ).joints
     assert found.kind == CONTINUOUS
 
 
@@ -80,7 +82,9 @@ def test_a_revolute_joint_without_limits_is_continuous():
 )
 def test_an_axis_is_given_in_the_joints_or_the_models_frame(version, axis, expected):
     turned = link("b", f"1 0 0 0 0 {math.pi / 2}")
-    found = model_of(link("a"), turned, joint("j", "revolute", "a", "b", f"<axis>{axis}</axis>"), version=version)
+    found = model_of(
+        link("a"), turned, joint("j", "revolute", "a", "b", f"<axis>{axis}</axis>"), version=version
+    )
     assert found.joints[0].axis == pytest.approx(expected)
 
 
@@ -105,7 +109,13 @@ def test_kinds_that_are_not_supported_and_rings_are_named_once():
         (joint("j", "revolute", "a", "b", ""), "<axis> is missing"),
         (joint("j", "revolute", "a", "b", "<axis><xyz>0 0 0</xyz></axis>"), "must not be 0 0 0"),
         (
-            joint("j", "prismatic", "a", "b", "<axis><limit><lower>2</lower><upper>1</upper></limit></axis>"),
+            joint(
+                "j",
+                "prismatic",
+                "a",
+                "b",
+                "<axis><limit><lower>2</lower><upper>1</upper></limit></axis>",
+            ),
             "lower 2 is above upper 1",
         ),
     ],
@@ -117,7 +127,15 @@ def test_a_joint_that_makes_no_sense_is_refused_by_name(broken, word):
 
 def test_a_tree_is_turned_away_from_its_root_and_takes_loose_links_along():
     links = {"a": IDENTITY, "b": Pose((1.0, 0.0, 0.0)), "c": Pose((0.0, 2.0, 0.0))}
-    backwards = Joint("j", REVOLUTE, "b", "a", Pose((-0.5, 0.0, 0.0)), (0.0, 0.0, 1.0), offset=Pose((-0.5, 0.0, 0.0)))
+    backwards = Joint(
+        "j",
+        REVOLUTE,
+        "b",
+        "a",
+        Pose((-0.5, 0.0, 0.0)),
+        (0.0, 0.0, 1.0),
+        offset=Pose((-0.5, 0.0, 0.0)),
+    )
     tree, closing = tree_of(links, [backwards])
     assert closing == ()
     turned, held = tree
@@ -147,9 +165,13 @@ def test_a_pushed_door_opens_to_its_limit_and_lasers_see_it_open(simulate, robot
     simulation.advance(seconds(4.0))
     [(angle, speed)] = simulation.joints(door, [1])
     assert speed == 0.0
-    assert 1.5 - 0.01 < angle < 1.5 + 3.0 * 0.02, "a limit holds within a step's way at the speed it was met with"
+    assert 1.5 - 0.01 < angle < 1.5 + 3.0 * 0.02, (
+        "a limit holds within a step's way at the speed it was met with"
+    )
     assert simulation.ranges(entity, mounted)[ahead] > 4.0
-    assert simulation.link_pose(door, "leaf").position[0] == pytest.approx(3 + 0.5 * math.sin(1.5), abs=0.03)
+    assert simulation.link_pose(door, "leaf").position[0] == pytest.approx(
+        3 + 0.5 * math.sin(1.5), abs=0.03
+    )
     simulation.reset_poses()
     assert simulation.joints(door, [1]) == [(0.0, 0.0)]
 
@@ -174,7 +196,9 @@ def test_a_drawer_slides_between_its_limits(simulate):
     assert cabinet.joints[0].kind == PRISMATIC
     simulation = simulate(cabinet)
     entity = simulation.entity("m")
-    simulation.push(Wrench(entity, 1, (5.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.5, 0.3), 0, math.inf))
+    simulation.push(
+        Wrench(entity, 1, (5.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.5, 0.3), 0, math.inf)
+    )
     simulation.advance(seconds(2.0))
     [(position, _)] = simulation.joints(entity, [1])
     assert position == pytest.approx(0.4, abs=0.02)
@@ -190,25 +214,34 @@ def test_joints_of_a_nested_model_carry_its_name():
 
 def test_a_world_may_hold_what_touches_but_a_spawned_model_may_not_stand_inside(simulate, box):
     simulation = simulate(
-        box("wall", Pose((2.0, 0.0, 0.5)), (0.2, 4.0, 1.0)), box("crate", Pose((2.0, 0.0, 0.3)), (0.5, 0.5, 0.5), False)
+        box("wall", Pose((2.0, 0.0, 0.5)), (0.2, 4.0, 1.0)),
+        box("crate", Pose((2.0, 0.0, 0.3)), (0.5, 0.5, 0.5), False),
     )
     assert "crate" in simulation.names()
 
 
 def test_a_plane_in_a_model_that_moves_is_named_and_left_out():
     plane = "<link name='l'><collision name='c'><geometry><plane/></geometry></collision></link>"
-    found = model_of(plane, notes=["a plane in model m, which is not static, is not supported and left out"])
+    found = model_of(
+        plane, notes=["a plane in model m, which is not static, is not supported and left out"]
+    )
     assert found.links[0].collisions == ()
 
 
 def test_a_moving_link_holds_several_meshes_and_many_shapes(simulate, tmp_path):
     corners = [(0, 0, 0), (0.2, 0, 0), (0, 0.2, 0), (0, 0, 0.2)]
-    text = "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "f 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"
+    text = (
+        "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "f 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"
+    )
     (tmp_path / "t.obj").write_text(text)
     mesh = Mesh(str(tmp_path / "t.obj"))
     shapes = [Collision(f"mesh{i}", Pose((0.3 * i, 0.0, 0.0)), mesh) for i in range(2)]
-    shapes += [Collision(f"box{i}", Pose((0.1 * i, 0.5, 0.1)), Box((0.1, 0.1, 0.2))) for i in range(40)]
-    simulation = simulate(Model("heap", Pose((0.0, 0.0, 0.3)), links=(Link("l", collisions=tuple(shapes)),)))
+    shapes += [
+        Collision(f"box{i}", Pose((0.1 * i, 0.5, 0.1)), Box((0.1, 0.1, 0.2))) for i in range(40)
+    ]
+    simulation = simulate(
+        Model("heap", Pose((0.0, 0.0, 0.3)), links=(Link("l", collisions=tuple(shapes)),))
+    )
     simulation.advance(seconds(2.0))
     x, y, z = simulation.pose(simulation.entity("heap")).position
     assert -0.05 < z < 0.05
@@ -221,6 +254,8 @@ def test_a_robot_whose_root_is_called_world_is_held_where_it_stands(simulate):
     mount = "<joint name='j' type='fixed'><origin xyz='0 0 1'/><parent link='world'/><child link='base'/></joint>"
     links = f"<link name='world'/><link name='base'>{inertial}{shape}</link>"
     simulation = simulate()
-    entity = simulation.add_robot("arm", "", robot_from_urdf(f"<robot name='r'>{links}{mount}</robot>"), Pose())
+    entity = simulation.add_robot(
+        "arm", "", robot_from_urdf(f"<robot name='r'>{links}{mount}</robot>"), Pose()
+    )
     simulation.advance(seconds(2.0))
     assert simulation.link_pose(entity, "base").position == pytest.approx((0, 0, 1), abs=1e-6)

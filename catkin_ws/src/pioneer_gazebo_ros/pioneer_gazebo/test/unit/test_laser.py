@@ -23,10 +23,14 @@ def no_mesh(mesh: Mesh) -> NDArray[np.float64]:
 
 
 def index(*placed: tuple[Shape, Pose]) -> WallIndex:
-    return WallIndex(Section.joined(section_of(shape, pose, HEIGHT, no_mesh) for shape, pose in placed))
+    return WallIndex(
+        Section.joined(section_of(shape, pose, HEIGHT, no_mesh) for shape, pose in placed)
+    )
 
 
-def distances(walls: WallIndex, sensor: tuple[float, float, float], count: int = 360) -> NDArray[np.float64]:
+def distances(
+    walls: WallIndex, sensor: tuple[float, float, float], count: int = 360
+) -> NDArray[np.float64]:
     out = np.empty(count)
     walls.cast(Sensor(*sensor), Fan(-math.pi, math.tau / count, REACH), out)
     return out
@@ -38,7 +42,9 @@ def random_shapes(seed: int) -> list[tuple[Shape, Pose]]:
     placed: list[tuple[Shape, Pose]] = []
     for k in range(60):
         tilt = rng.uniform(-0.6, 0.6, 2) if k % 3 == 0 else (0.0, 0.0)
-        pose = Pose.from_rpy(*rng.uniform(-9, 9, 2), rng.uniform(0.1, 0.5), *tilt, rng.uniform(-3, 3))
+        pose = Pose.from_rpy(
+            *rng.uniform(-9, 9, 2), rng.uniform(0.1, 0.5), *tilt, rng.uniform(-3, 3)
+        )
         shape: Shape = Box(tuple(rng.uniform(0.2, 1.5, 3)))
         if k % 4 == 1:
             shape = Cylinder(rng.uniform(0.1, 0.5), rng.uniform(0.3, 1.0))
@@ -59,7 +65,9 @@ def bullet_body(client: int, shape: Shape, pose: Pose) -> None:
                 pybullet.GEOM_CYLINDER, radius=radius, height=length, physicsClientId=client
             )
         case Sphere(radius=radius):
-            made = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius, physicsClientId=client)
+            made = pybullet.createCollisionShape(
+                pybullet.GEOM_SPHERE, radius=radius, physicsClientId=client
+            )
     pybullet.createMultiBody(0, made, -1, pose.position, pose.rotation, physicsClientId=client)
 
 
@@ -111,7 +119,9 @@ def test_distances_in_a_square_room_are_those_of_geometry() -> None:
 
 
 def test_what_lies_above_or_below_the_plane_is_not_seen() -> None:
-    walls = index((Box((1, 1, 0.2)), Pose.from_rpy(2, 0, 0.1)), (Box((1, 1, 1)), Pose.from_rpy(2, 0, 2)))
+    walls = index(
+        (Box((1, 1, 0.2)), Pose.from_rpy(2, 0, 0.1)), (Box((1, 1, 1)), Pose.from_rpy(2, 0, 2))
+    )
     assert (distances(walls, (0, 0, 0)) == REACH).all()
 
 
@@ -134,7 +144,9 @@ def test_a_mover_is_seen_exactly_as_a_wall_at_its_place_is(first: float, sign: f
         poses = np.array([[*sensor], [*pose.position[:2], pose.yaw]])
         by_wall, by_mover = np.empty(180), np.empty(180)
         fan = Fan(first, sign * math.tau / 200, REACH)
-        index((Box((0.5, 0.3, 1.0)), pose.compose(Pose.from_rpy(0.1, 0, 0.3)))).cast(sensor, fan, by_wall)
+        index((Box((0.5, 0.3, 1.0)), pose.compose(Pose.from_rpy(0.1, 0, 0.3)))).cast(
+            sensor, fan, by_wall
+        )
         empty.cast(sensor, fan, by_mover)
         movers.shorten(poses, 0, sensor, fan, by_mover)
         np.testing.assert_allclose(by_mover, by_wall, atol=1e-9)
@@ -143,7 +155,9 @@ def test_a_mover_is_seen_exactly_as_a_wall_at_its_place_is(first: float, sign: f
 def test_the_carrier_does_not_see_itself() -> None:
     outline = section_of(Box((0.5, 0.3, 1.0)), Pose.from_rpy(0, 0, 0.3), HEIGHT, no_mesh).segments
     out = np.full(180, REACH)
-    Movers([outline]).shorten(np.zeros((1, 3)), 0, Sensor(0.0, 0.0, 0.0), Fan(-1.5, 0.01, REACH), out)
+    Movers([outline]).shorten(
+        np.zeros((1, 3)), 0, Sensor(0.0, 0.0, 0.0), Fan(-1.5, 0.01, REACH), out
+    )
     assert (out == REACH).all()
 
 
@@ -159,5 +173,7 @@ def test_noise_has_the_asked_deviation_and_depends_on_seed_and_names_only() -> N
 
 
 def test_nothing_met_is_plus_infinity_and_too_near_is_minus_infinity() -> None:
-    laser = Laser(LaserSensor("laser", "link", samples=3, min_range=0.1, max_range=8.0), generator_for(0))
+    laser = Laser(
+        LaserSensor("laser", "link", samples=3, min_range=0.1, max_range=8.0), generator_for(0)
+    )
     assert laser.measured(np.array([0.05, 3.0, 8.0])).tolist() == [-math.inf, 3.0, math.inf]

@@ -27,7 +27,9 @@ def test_pettingzoos_own_checks_pass(pioneer: Robot) -> None:
     env = PioneerParallelEnv(robots=3, description=pioneer, limit=40)
     parallel_api_test(env, num_cycles=100)
     env.close()
-    parallel_seed_test(lambda: PioneerParallelEnv(robots=2, description=pioneer, limit=30), num_cycles=40)
+    parallel_seed_test(
+        lambda: PioneerParallelEnv(robots=2, description=pioneer, limit=30), num_cycles=40
+    )
 
 
 @pytest.mark.filterwarnings("ignore")  # gymnasium's recommendations on spaces
@@ -37,13 +39,17 @@ def test_gymnasiums_own_check_passes(pioneer: Robot) -> None:
     env.close()
 
 
-def test_a_robot_that_drives_to_its_goal_is_rewarded_for_the_way_and_terminated(pioneer: Robot) -> None:
+def test_a_robot_that_drives_to_its_goal_is_rewarded_for_the_way_and_terminated(
+    pioneer: Robot,
+) -> None:
     env = PioneerEnv(description=pioneer, **STRAIGHT)
     observation, _ = env.reset(seed=1)
     assert observation[-EXTRA] == pytest.approx(1.5)
     rewards, terminated = [], False
     while not terminated:
-        observation, reward, terminated, truncated, info = env.step(np.array([1.0, 0.0], np.float32))
+        observation, reward, terminated, truncated, info = env.step(
+            np.array([1.0, 0.0], np.float32)
+        )
         rewards.append(reward)
         assert not truncated
     assert info["state"].reached
@@ -60,7 +66,9 @@ def test_a_reward_of_ones_own_counts_collisions(pioneer: Robot) -> None:
     env.close()
 
 
-def test_the_same_seed_gives_the_same_bits_also_in_an_environment_that_was_used(pioneer: Robot) -> None:
+def test_the_same_seed_gives_the_same_bits_also_in_an_environment_that_was_used(
+    pioneer: Robot,
+) -> None:
     def course(env: PioneerParallelEnv) -> bytes:
         seen, _ = env.reset(seed=7)
         found = [seen[agent].tobytes() for agent in env.agents]
@@ -96,7 +104,9 @@ def test_numbers_of_starts_and_robots_must_fit(pioneer: Robot) -> None:
         PioneerParallelEnv(robots=2, description=pioneer, starts=[(0.0, 0.0, 0.0)])
 
 
-def test_a_second_of_processor_takes_many_steps_of_many_agents(pioneer: Robot, record_property) -> None:  # type: ignore[no-untyped-def]
+def test_a_second_of_processor_takes_many_steps_of_many_agents(
+    pioneer: Robot, record_property
+) -> None:  # type: ignore[no-untyped-def]
     """The benchmark checks the target of 1,200; this lower bound also holds on a busy machine."""
     assert len(pioneer.lasers) == 1
     assert pioneer.lasers[0].samples == 180
@@ -127,7 +137,9 @@ def rooms(folder: Path) -> Path:
     return folder / "rooms.world"
 
 
-def test_random_goals_can_be_reached_from_given_starts_and_starts_from_given_goals(tmp_path: Path) -> None:
+def test_random_goals_can_be_reached_from_given_starts_and_starts_from_given_goals(
+    tmp_path: Path,
+) -> None:
     free = _free_space(rooms(tmp_path))
     rng = np.random.default_rng(1)
     for _ in range(40):
@@ -155,7 +167,9 @@ def test_a_step_without_an_episode_is_a_typed_error(pioneer: Robot) -> None:
     env.close()
 
 
-@pytest.mark.parametrize("options", [{"robots": -1}, {"robots": 0}, {"step": 0.0}, {"step": -0.1}, {"limit": 0}])
+@pytest.mark.parametrize(
+    "options", [{"robots": -1}, {"robots": 0}, {"step": 0.0}, {"step": -0.1}, {"limit": 0}]
+)
 def test_numbers_out_of_range_are_refused(pioneer: Robot, options: dict[str, float]) -> None:
     (name,) = options
     with pytest.raises(ValueError, match=f"{name} must be"):

@@ -42,7 +42,9 @@ def test_a_token_has_what_its_ring_subscribes_to(state: Lockstep) -> None:
 
 
 @pytest.mark.parametrize("order", [("a", "b"), ("b", "a")])
-def test_the_order_in_which_tokens_return_changes_nothing(state: Lockstep, order: tuple[str, str]) -> None:
+def test_the_order_in_which_tokens_return_changes_nothing(
+    state: Lockstep, order: tuple[str, str]
+) -> None:
     state.begin_period([])
     sent = {
         "a": [Sent("/a/one", "/tf"), Sent("/a/two", "/a/command"), Sent("/a/two", "/a/goal")],
@@ -51,7 +53,10 @@ def test_the_order_in_which_tokens_return_changes_nothing(state: Lockstep, order
     assert [state.take(name, 1, sent[name]) for name in order] == [False, True]
     assert state.end_period() == [sent["a"][1], sent["b"][1]]
     rounds = {ring.name: messages for ring, messages in state.begin_period([])}
-    assert rounds == {"a": [sent["a"][0], sent["a"][2], sent["b"][0]], "b": [sent["b"][0], sent["a"][0]]}
+    assert rounds == {
+        "a": [sent["a"][0], sent["a"][2], sent["b"][0]],
+        "b": [sent["b"][0], sent["a"][0]],
+    }
 
 
 def test_a_token_of_another_period_is_not_taken(state: Lockstep) -> None:
@@ -68,7 +73,9 @@ def test_a_dropped_ring_is_waited_for_no_more_and_may_join_again(state: Lockstep
     state.end_period()
     assert [ring.name for ring, _ in state.begin_period([])] == ["b"]
     assert state.join("a", ["/a/one"], [])
-    assert not any(ring.told for ring in state.rings.values()), "everybody gets the list of members again"
+    assert not any(ring.told for ring in state.rings.values()), (
+        "everybody gets the list of members again"
+    )
     state.take("b", 2, [])
     assert [ring.name for ring, _ in state.begin_period([])] == ["a", "b"]
 
@@ -92,7 +99,9 @@ def test_a_ring_that_is_no_longer_expected_leaves_and_time_waits_for_it_once_it_
     assert not state.stands
 
 
-def test_withheld_topics_and_rings_get_and_give_nothing_but_what_is_their_own(state: Lockstep) -> None:
+def test_withheld_topics_and_rings_get_and_give_nothing_but_what_is_their_own(
+    state: Lockstep,
+) -> None:
     state.withheld = frozenset({"a", "/b/scan"})
     own = [Sent("/gazebo", "/a/scan"), Sent("/gazebo", "/b/scan"), Sent("/gazebo", "/tf")]
     rounds = {ring.name: messages for ring, messages in state.begin_period(own)}

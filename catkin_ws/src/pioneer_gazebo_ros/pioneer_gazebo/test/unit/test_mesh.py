@@ -33,7 +33,11 @@ def test_text_stl_is_read_and_scaled(tmp_path):
 
 
 def test_binary_stl_is_read_even_when_its_header_says_solid(tmp_path):
-    data = b"solid".ljust(80) + struct.pack("<I", 1) + struct.pack("<12fH", 0, 0, 1, *TRIANGLE.ravel(), 0)
+    data = (
+        b"solid".ljust(80)
+        + struct.pack("<I", 1)
+        + struct.pack("<12fH", 0, 0, 1, *TRIANGLE.ravel(), 0)
+    )
     np.testing.assert_allclose(read(tmp_path, "b.stl", data), TRIANGLE)
 
 
@@ -62,16 +66,24 @@ def test_collada_node_transforms_apply_in_order_and_through_parents(tmp_path):
 def ball(count):
     """Returns the triangles of a ball of radius 1 around the origin."""
     rows, cols = count, 2 * count
-    v, u = np.meshgrid(np.linspace(0, np.pi, rows + 1), np.linspace(0, 2 * np.pi, cols + 1), indexing="ij")
+    v, u = np.meshgrid(
+        np.linspace(0, np.pi, rows + 1), np.linspace(0, 2 * np.pi, cols + 1), indexing="ij"
+    )
     p = np.stack([np.sin(v) * np.cos(u), np.sin(v) * np.sin(u), np.cos(v)], axis=-1)
     a, b, c, d = p[:-1, :-1], p[1:, :-1], p[1:, 1:], p[:-1, 1:]
     return np.concatenate(
-        [np.stack([a, b, c], axis=2).reshape(-1, 3, 3), np.stack([a, c, d], axis=2).reshape(-1, 3, 3)]
+        [
+            np.stack([a, b, c], axis=2).reshape(-1, 3, 3),
+            np.stack([a, c, d], axis=2).reshape(-1, 3, 3),
+        ]
     )
 
 
 def stl(triangles):
-    table = np.zeros(len(triangles), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    table = np.zeros(
+        len(triangles),
+        dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")],
+    )
     table["corners"] = triangles
     return bytes(80) + struct.pack("<I", len(triangles)) + table.tobytes()
 
@@ -86,7 +98,9 @@ def test_a_mesh_of_300_000_triangles_is_made_small_and_keeps_its_shape(tmp_path)
     assert np.abs(np.linalg.norm(solid.reshape(-1, 3), axis=1) - 2.0).max() < 0.001
     assert np.abs(np.sort(np.linalg.norm(solid.mean(axis=1), axis=1))[:10] - 2.0).max() < 0.02
     assert len(hull) <= 64
-    np.testing.assert_allclose([hull.min(axis=0), hull.max(axis=0)], [[-2] * 3, [2] * 3], atol=0.001)
+    np.testing.assert_allclose(
+        [hull.min(axis=0), hull.max(axis=0)], [[-2] * 3, [2] * 3], atol=0.001
+    )
     ways = np.random.default_rng(0).normal(size=(500, 3))
     reach = (hull @ (ways / np.linalg.norm(ways, axis=1, keepdims=True)).T).max(axis=0)
     assert reach.min() > 0.9 * 2, "the hull of a ball is round on all sides"

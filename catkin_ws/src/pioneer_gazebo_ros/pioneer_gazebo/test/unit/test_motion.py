@@ -30,7 +30,9 @@ def drive(entity: Entity, speed: float, turn: float) -> None:
     entity.drives[0].drive.command(speed, turn)
 
 
-def settled(simulation: Simulation, robot: Robot, name: str = "r", pose: Pose | None = None) -> Entity:
+def settled(
+    simulation: Simulation, robot: Robot, name: str = "r", pose: Pose | None = None
+) -> Entity:
     entity = simulation.add_robot(name, name, robot, pose or Pose())
     run(simulation, 1.0)
     return entity
@@ -56,7 +58,9 @@ def test_a_wall_that_stops_a_robot_is_touched_once_and_named(
     assert simulation.touched_name(simulation.contacts(entity)[0]) == "wall::link::collision"
 
 
-def test_two_robots_stop_each_other_and_both_count_it(simulate: MakeSimulation, robot: Robot) -> None:
+def test_two_robots_stop_each_other_and_both_count_it(
+    simulate: MakeSimulation, robot: Robot
+) -> None:
     simulation = simulate()
     one = settled(simulation, robot, "one")
     other = settled(simulation, robot, "other", Pose.from_rpy(1.5, yaw=math.pi))
@@ -80,7 +84,9 @@ def test_a_parked_robot_is_pushed_by_another(simulate: MakeSimulation, robot: Ro
     assert simulation.pose(parked).position[0] > before + 0.02
 
 
-def test_a_loose_box_is_pushed_and_seen_where_it_went(simulate: MakeSimulation, robot: Robot, box: MakeBox) -> None:
+def test_a_loose_box_is_pushed_and_seen_where_it_went(
+    simulate: MakeSimulation, robot: Robot, box: MakeBox
+) -> None:
     simulation = simulate(box("crate", Pose((1.5, 0.0, 0.2)), (0.4, 0.4, 0.4), False, 1.0))
     entity = settled(simulation, robot)
     before = simulation.ranges(entity, entity.lasers[0])[45]
@@ -93,7 +99,9 @@ def test_a_loose_box_is_pushed_and_seen_where_it_went(simulate: MakeSimulation, 
 
 def record(simulation: Simulation, robot: Robot) -> list[float]:
     """Lets two robots drive and scan; returns everything that they report."""
-    entities = [settled(simulation, robot, name, Pose((0.0, k * 2.0, 0.0))) for k, name in enumerate("ab")]
+    entities = [
+        settled(simulation, robot, name, Pose((0.0, k * 2.0, 0.0))) for k, name in enumerate("ab")
+    ]
     for k, entity in enumerate(entities):
         drive(entity, 0.5, 0.3 - 0.5 * k)
     values: list[float] = []
@@ -107,9 +115,13 @@ def record(simulation: Simulation, robot: Robot) -> list[float]:
     return values
 
 
-def test_the_same_seed_and_commands_give_the_same_bits(simulate: MakeSimulation, robot: Robot, box: MakeBox) -> None:
+def test_the_same_seed_and_commands_give_the_same_bits(
+    simulate: MakeSimulation, robot: Robot, box: MakeBox
+) -> None:
     wall = box("wall", Pose((3.0, 0.0, 0.5)), (0.1, 6.0, 1.0))
-    first, again, other = (record(simulate(wall, seed=seed, odometry_error=0.01), robot) for seed in (3, 3, 4))
+    first, again, other = (
+        record(simulate(wall, seed=seed, odometry_error=0.01), robot) for seed in (3, 3, 4)
+    )
     assert first == again
     assert first != other
 
@@ -129,7 +141,9 @@ def test_encoders_that_overrate_every_wheel_see_the_same_part_more_of_ways_and_t
     assert overrated.yaw == pytest.approx(1.03 * true.yaw)
 
 
-def test_adding_a_robot_changes_no_noise_of_the_others(simulate: MakeSimulation, robot: Robot, box: MakeBox) -> None:
+def test_adding_a_robot_changes_no_noise_of_the_others(
+    simulate: MakeSimulation, robot: Robot, box: MakeBox
+) -> None:
     wall = box("wall", Pose((3.0, 0.0, 0.5)), (0.1, 6.0, 1.0))
     alone, together = simulate(wall, seed=5), simulate(wall, seed=5)
     settled(together, robot, "b", Pose((-3.0, 0.0, 0.0)))
@@ -141,7 +155,9 @@ def test_adding_a_robot_changes_no_noise_of_the_others(simulate: MakeSimulation,
     np.testing.assert_array_equal(*scans)
 
 
-def test_between_two_steps_a_pose_lies_between_their_poses(simulate: MakeSimulation, robot: Robot) -> None:
+def test_between_two_steps_a_pose_lies_between_their_poses(
+    simulate: MakeSimulation, robot: Robot
+) -> None:
     simulation = simulate()
     entity = settled(simulation, robot)
     drive(entity, 1.0, 0.0)
@@ -159,7 +175,9 @@ def test_spawning_into_a_wall_is_refused_and_leaves_nothing(
     simulate: MakeSimulation, robot: Robot, box: MakeBox
 ) -> None:
     simulation = simulate(box("wall", Pose((0.0, 0.0, 0.5)), (3.0, 3.0, 1.0)))
-    with pytest.raises(ModelError, match=r"r at \(0.00, 0.00\) would overlap wall::link::collision by"):
+    with pytest.raises(
+        ModelError, match=r"r at \(0.00, 0.00\) would overlap wall::link::collision by"
+    ):
         simulation.add_robot("r", "", robot, Pose())
     assert simulation.names() == ["floor", "wall"]
 
@@ -178,7 +196,9 @@ def test_a_robot_spawned_a_little_inside_a_wall_is_moved_to_the_nearest_free_pos
         simulation.add_robot("other", "o", robot, entity.initial)
 
 
-def test_a_wheel_is_as_wide_as_described_beside_a_wall(simulate: MakeSimulation, robot: Robot, box: MakeBox) -> None:
+def test_a_wheel_is_as_wide_as_described_beside_a_wall(
+    simulate: MakeSimulation, robot: Robot, box: MakeBox
+) -> None:
     face = 0.165 + 0.04 / 2 + 0.01
     simulation = simulate(box("wall", Pose((0.0, face + 0.05, 0.5)), (4.0, 0.1, 1.0)))
     entity = settled(simulation, robot)
@@ -210,7 +230,9 @@ def test_a_robot_can_be_removed_while_it_drives(simulate: MakeSimulation, robot:
         simulation.entity("one")
 
 
-def test_resetting_poses_leaves_time_and_resetting_all_does_not(simulate: MakeSimulation, robot: Robot) -> None:
+def test_resetting_poses_leaves_time_and_resetting_all_does_not(
+    simulate: MakeSimulation, robot: Robot
+) -> None:
     simulation = simulate()
     entity = settled(simulation, robot)
     drive(entity, 0.5, 0.5)
@@ -226,7 +248,9 @@ def test_resetting_poses_leaves_time_and_resetting_all_does_not(simulate: MakeSi
     assert simulation.tick == 0
 
 
-def test_a_robot_can_be_put_elsewhere_and_stops_there(simulate: MakeSimulation, robot: Robot) -> None:
+def test_a_robot_can_be_put_elsewhere_and_stops_there(
+    simulate: MakeSimulation, robot: Robot
+) -> None:
     simulation = simulate()
     entity = settled(simulation, robot)
     simulation.place("r", Pose.from_rpy(4.0, -2.0, 0.001, yaw=1.0), STILL)
@@ -236,10 +260,14 @@ def test_a_robot_can_be_put_elsewhere_and_stops_there(simulate: MakeSimulation, 
     assert pose.yaw == pytest.approx(1.0, abs=0.02)
 
 
-def test_a_world_of_a_thousand_boxes_stands_and_is_seen(simulate: MakeSimulation, robot: Robot, box: MakeBox) -> None:
+def test_a_world_of_a_thousand_boxes_stands_and_is_seen(
+    simulate: MakeSimulation, robot: Robot, box: MakeBox
+) -> None:
     rng = np.random.default_rng(1)
     places = [p for p in rng.uniform(-40, 40, (1100, 2)) if np.hypot(*p) > 1.5][:1000]
-    boxes = [box(f"b{k}", Pose.from_rpy(*p, 0.5, yaw=k), (1.0, 0.2, 1.0)) for k, p in enumerate(places)]
+    boxes = [
+        box(f"b{k}", Pose.from_rpy(*p, 0.5, yaw=k), (1.0, 0.2, 1.0)) for k, p in enumerate(places)
+    ]
     simulation = simulate(*boxes)
     entity = settled(simulation, robot)
     assert np.isfinite(simulation.ranges(entity, entity.lasers[0])).any()

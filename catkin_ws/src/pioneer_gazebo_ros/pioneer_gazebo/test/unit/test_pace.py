@@ -58,12 +58,16 @@ def test_pictures_of_any_cost_leave_physics_their_pace(
     wanted = 60.0 / STEP
     assert pictures >= 0.3 * min(60.0 / cost, wanted)
     skipped = pictures < 0.9 * wanted
-    assert len([one for one in caplog.records if "dropping images" in one.message]) == (2 if skipped else 0)
+    assert len([one for one in caplog.records if "dropping images" in one.message]) == (
+        2 if skipped else 0
+    )
 
 
 def test_as_fast_as_possible_every_picture_is_drawn(clock: Clock) -> None:
     drawn = Budget(Pacer(0.0))
-    assert all(drawn.draw("r/camera", lambda: setattr(clock, "now", clock.now + 3.0)) for _ in range(10))
+    assert all(
+        drawn.draw("r/camera", lambda: setattr(clock, "now", clock.now + 3.0)) for _ in range(10)
+    )
 
 
 def test_a_simulator_that_was_held_up_by_something_else_does_not_catch_up(clock: Clock) -> None:

@@ -41,9 +41,12 @@ def test_a_robot_can_start_in_free_space() -> None:
         (-0.7, -1.3, "inside a wall"),
     ],
 )
-def test_a_place_where_it_cannot_is_named_with_world_and_reason(x: float, y: float, why: str) -> None:
+def test_a_place_where_it_cannot_is_named_with_world_and_reason(
+    x: float, y: float, why: str
+) -> None:
     with pytest.raises(
-        PlacementError, match=rf"pioneer1 cannot start at \({x:g}, {y:g}\) in the world room: .*({why})"
+        PlacementError,
+        match=rf"pioneer1 cannot start at \({x:g}, {y:g}\) in the world room: .*({why})",
     ):
         check_place(room(), "pioneer1", x, y, "room")
 

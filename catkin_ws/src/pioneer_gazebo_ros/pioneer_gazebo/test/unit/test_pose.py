@@ -20,7 +20,9 @@ def test_rpy_turns_about_fixed_axes_x_first():
 
 @given(angle, st.floats(-1.5, 1.5), angle)
 def test_rpy_comes_back(roll, pitch, yaw):
-    assert Pose.from_rpy(0, 0, 0, roll, pitch, yaw).rpy() == pytest.approx((roll, pitch, yaw), abs=1e-6)
+    assert Pose.from_rpy(0, 0, 0, roll, pitch, yaw).rpy() == pytest.approx(
+        (roll, pitch, yaw), abs=1e-6
+    )
 
 
 @pytest.mark.parametrize("pitch", [math.pi / 2, -math.pi / 2])

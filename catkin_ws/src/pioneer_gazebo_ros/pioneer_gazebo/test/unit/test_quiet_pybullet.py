@@ -5,6 +5,10 @@ import sys
 
 
 def test_importing_the_engine_prints_nothing():
-    script = "import sys, pioneer_gazebo.adapters.bullet; print('out'); print('error', file=sys.stderr)"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60)
+    script = (
+        "import sys, pioneer_gazebo.adapters.bullet; print('out'); print('error', file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60
+    )
     assert (done.stdout, done.stderr) == ("out\n", "error\n")

@@ -47,7 +47,13 @@ def test_thin_slanted_wall_has_no_gaps():
 
 def test_disc_covers_the_cells_it_overlaps():
     grid = drawn((Cylinder(2.0, 1.0), Pose((4.5, 4.5, 0.0))), size=9)
-    assert art(grid).splitlines()[2:7] == ["...###...", "..#####..", "..#####..", "..#####..", "...###..."]
+    assert art(grid).splitlines()[2:7] == [
+        "...###...",
+        "..#####..",
+        "..#####..",
+        "..#####..",
+        "...###...",
+    ]
 
 
 def test_inside_of_a_mesh_is_filled():

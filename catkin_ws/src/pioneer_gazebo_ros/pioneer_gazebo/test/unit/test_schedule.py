@@ -15,7 +15,9 @@ def test_a_rate_that_divides_the_tick_rate_has_a_whole_period() -> None:
 
 
 def test_a_rate_that_does_not_divide_is_refused_with_both_numbers() -> None:
-    with pytest.raises(RateError, match=r"laser: a rate of 33 Hz does not divide the simulator's 600 Hz"):
+    with pytest.raises(
+        RateError, match=r"laser: a rate of 33 Hz does not divide the simulator's 600 Hz"
+    ):
         period_of(33.0, "laser")
 
 

@@ -45,8 +45,12 @@ def test_nested_poses_are_composed():
 
 def test_static_gravity_friction_and_mass_are_read():
     surface = "<surface><friction><ode><mu>0.3</mu></ode></friction></surface>"
-    inertial = "<inertial><mass>4</mass><inertia><ixx>1</ixx><iyy>2</iyy><izz>3</izz></inertia></inertial>"
-    link = f"<link name='l'>{inertial}{BOX.replace('</collision>', surface + '</collision>')}</link>"
+    inertial = (
+        "<inertial><mass>4</mass><inertia><ixx>1</ixx><iyy>2</iyy><izz>3</izz></inertia></inertial>"
+    )
+    link = (
+        f"<link name='l'>{inertial}{BOX.replace('</collision>', surface + '</collision>')}</link>"
+    )
     loaded = world("<gravity>0 0 -1.6</gravity>" + model(f"<static>1</static>{link}"))
     (found,) = loaded.collisions()
     assert loaded.gravity == (0, 0, -1.6)
@@ -56,7 +60,9 @@ def test_static_gravity_friction_and_mass_are_read():
 
 
 def test_gravity_of_sdf_1_4_stands_in_physics():
-    assert world("<physics type='ode'><gravity>0 0 -3</gravity></physics>", version="1.4").gravity == (0, 0, -3)
+    assert world(
+        "<physics type='ode'><gravity>0 0 -3</gravity></physics>", version="1.4"
+    ).gravity == (0, 0, -3)
 
 
 def test_ground_plane_and_sun_are_known_without_a_model_path():
@@ -75,9 +81,8 @@ def test_local_model_is_included_with_the_includes_name_and_pose(tmp_path):
     )
     body = model(f"<link name='l'>{BOX}</link>", "crate")
     (folder / "new.sdf").write_text(f"<sdf version='1.6'>{body}</sdf>")
-    include = (
-        "<include><uri>model://crate</uri><name>left</name><pose>1 2 3 0 0 0</pose><static>true</static></include>"
-    )
+    own = "<name>left</name><pose>1 2 3 0 0 0</pose><static>true</static>"
+    include = f"<include><uri>model://crate</uri>{own}</include>"
     (found,) = world(include, model_path=[tmp_path]).models
     assert (found.name, found.pose.position, found.static) == ("left", (1, 2, 3), True)
 
@@ -115,9 +120,15 @@ def test_pose_relative_to_a_frame_is_resolved():
 
 
 def test_poses_in_a_circle_are_refused():
-    frames = "".join(f"<frame name='{a}'><pose relative_to='{b}'>1 0 0 0 0 0</pose></frame>" for a, b in ("ab", "ba"))
+    frames = "".join(
+        f"<frame name='{a}'><pose relative_to='{b}'>1 0 0 0 0 0</pose></frame>"
+        for a, b in ("ab", "ba")
+    )
     with pytest.raises(DescriptionError, match="loop: a → b → a"):
-        world(model(frames + f"<link name='l'><pose relative_to='a'>0 0 0 0 0 0</pose>{BOX}</link>"), version="1.7")
+        world(
+            model(frames + f"<link name='l'><pose relative_to='a'>0 0 0 0 0 0</pose>{BOX}</link>"),
+            version="1.7",
+        )
 
 
 def test_nested_model_becomes_links_of_the_outer_one():
@@ -142,7 +153,9 @@ def test_mesh_is_found_beside_the_world(tmp_path):
 
 
 def test_text_with_one_bare_model_is_a_world_of_it():
-    loaded = world_from_sdf_text("<sdf version='1.5'><model name='x'><link name='l'/></model></sdf>")
+    loaded = world_from_sdf_text(
+        "<sdf version='1.5'><model name='x'><link name='l'/></model></sdf>"
+    )
     assert [m.name for m in loaded.models] == ["x"]
 
 
@@ -164,7 +177,10 @@ def test_text_that_is_no_world_is_refused(text, message):
 @pytest.mark.parametrize(
     ("inner", "message"),
     [
-        ("<pose>1 2 3</pose>", r'some.world, line 1: .*<model name="m"> <pose>: needs 6 numbers, not 3'),
+        (
+            "<pose>1 2 3</pose>",
+            r'some.world, line 1: .*<model name="m"> <pose>: needs 6 numbers, not 3',
+        ),
         ("<pose>1 2 x 0 0 0</pose>", "'x' is not a number"),
         ("<pose>1 2 nan 0 0 0</pose>", "not a finite number"),
         ("<static>maybe</static>", "must be true or false"),
@@ -203,12 +219,20 @@ def test_external_entities_are_not_read(tmp_path):
 
 
 def test_written_world_reads_back_the_same():
-    link = f"<link name='l'>{BOX.replace('<geometry>', '<pose>0 1 0 0 0 0.5</pose><geometry>')}</link>"
-    original = world("<include><uri>model://ground_plane</uri></include>" + model("<static>1</static>" + link))
+    link = (
+        f"<link name='l'>{BOX.replace('<geometry>', '<pose>0 1 0 0 0 0.5</pose><geometry>')}</link>"
+    )
+    original = world(
+        "<include><uri>model://ground_plane</uri></include>" + model("<static>1</static>" + link)
+    )
     again = world_from_sdf_text(sdf_from_world(original))
-    ours, theirs = ([(c.model.name, c.collision.shape) for c in w.collisions()] for w in (original, again))
+    ours, theirs = (
+        [(c.model.name, c.collision.shape) for c in w.collisions()] for w in (original, again)
+    )
     assert ours == theirs
-    assert list(again.collisions())[1].pose.yaw == pytest.approx(Pose.from_rpy(yaw=0.5).yaw, abs=1e-5)
+    assert list(again.collisions())[1].pose.yaw == pytest.approx(
+        Pose.from_rpy(yaw=0.5).yaw, abs=1e-5
+    )
 
 
 def test_an_includes_pose_may_be_relative_to_a_frame_and_be_referred_to(tmp_path):
@@ -227,10 +251,14 @@ def test_a_shapes_pose_in_a_foreign_frame_is_named_once():
     shape = BOX.replace("<geometry>", "<pose relative_to='b'>1 0 0 0 0 0</pose><geometry>")
     links = f"<link name='a'>{shape}{shape}</link><link name='b'/>"
     loaded = world(model(f"<static>1</static>{links}"), version="1.7")
-    assert loaded.warnings == ("the frame of a <pose> in <collision> is not supported: the link's is taken",)
+    assert loaded.warnings == (
+        "the frame of a <pose> in <collision> is not supported: the link's is taken",
+    )
 
 
-def test_a_users_world_of_a_thousand_boxes_is_read_and_stands_within_two_seconds(tmp_path, simulate):
+def test_a_users_world_of_a_thousand_boxes_is_read_and_stands_within_two_seconds(
+    tmp_path, simulate
+):
     rng = np.random.default_rng(3)
     boxes = "".join(
         model(

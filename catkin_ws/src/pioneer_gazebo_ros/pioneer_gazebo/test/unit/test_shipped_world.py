@@ -21,7 +21,9 @@ INSCRIBED_RADIUS, CIRCUMSCRIBED_RADIUS = 0.20, 0.37
 def read_map(name):
     head = yaml.safe_load((PACKAGE / "map" / f"{name}.yaml").read_text())
     data = (PACKAGE / "map" / head["image"]).read_bytes()
-    magic, width, height, depth, pixels = data.split(maxsplit=4) if data[:2] == b"P5" else (None,) * 5
+    magic, width, height, depth, pixels = (
+        data.split(maxsplit=4) if data[:2] == b"P5" else (None,) * 5
+    )
     assert (magic, depth) == (b"P5", b"255")
     pixels = data[-int(width) * int(height) :]
     return head, np.frombuffer(pixels, np.uint8).reshape(int(height), int(width))[::-1]
@@ -34,7 +36,9 @@ def clearance(grey, resolution):
 @pytest.mark.parametrize("name", NAMES)
 def test_shipped_map_agrees_with_its_world(name):
     head, grey = read_map(name)
-    expected, extent = map_of_world(world_from_sdf(PACKAGE / "worlds" / f"{name}.world", [PACKAGE / "models"]))
+    expected, extent = map_of_world(
+        world_from_sdf(PACKAGE / "worlds" / f"{name}.world", [PACKAGE / "models"])
+    )
     assert np.array_equal(grey, expected)
     assert head["origin"] == pytest.approx([extent.x, extent.y, 0.0])
     assert head["resolution"] == extent.resolution
@@ -47,7 +51,9 @@ def test_shipped_world_is_read_without_a_warning(name):
     assert world.warnings == ()
 
 
-@pytest.mark.parametrize("plan", sorted((PACKAGE / "worlds" / "plan").glob("*.plan")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "plan", sorted((PACKAGE / "worlds" / "plan").glob("*.plan")), ids=lambda path: path.stem
+)
 def test_shipped_world_is_what_its_plan_draws(plan):
     assert (PACKAGE / "worlds" / f"{plan.stem}.world").read_text() == world_text(plan)
 
@@ -70,7 +76,9 @@ def test_all_initial_poses_are_free_and_connected_for_a_robot(name, file, count)
     regions, _ = ndimage.label(room > INSCRIBED_RADIUS)
     poses = yaml.safe_load((POSES / file).read_text())
     assert sorted(poses) == sorted(f"pioneer{i}" for i in range(1, count + 1))
-    cells = [(int((p["y"] - y0) / resolution), int((p["x"] - x0) / resolution)) for p in poses.values()]
+    cells = [
+        (int((p["y"] - y0) / resolution), int((p["x"] - x0) / resolution)) for p in poses.values()
+    ]
     assert min(room[cell] for cell in cells) > CIRCUMSCRIBED_RADIUS
     assert len({regions[cell] for cell in cells}) == 1
 

@@ -35,7 +35,9 @@ def simulation(engine: FakeEngine) -> Simulation:
     return Simulation(checked, no_mesh, Physics())
 
 
-def test_the_engine_steps_only_as_far_as_time_needs(simulation: Simulation, engine: FakeEngine) -> None:
+def test_the_engine_steps_only_as_far_as_time_needs(
+    simulation: Simulation, engine: FakeEngine
+) -> None:
     simulation.advance(1)
     simulation.advance(12)
     assert engine.steps == 1
@@ -48,7 +50,9 @@ def test_a_physics_step_that_is_not_whole_ticks_is_refused(simulation: Simulatio
         simulation.configure(Physics(step=0.0123))
 
 
-def test_odometry_on_wheels_that_never_slip_is_the_truth(simulation: Simulation, robot: Robot) -> None:
+def test_odometry_on_wheels_that_never_slip_is_the_truth(
+    simulation: Simulation, robot: Robot
+) -> None:
     entity = simulation.add_robot("r", "r", robot, Pose())
     entity.drives[0].drive.command(0.5, 0.5)
     for tick in (600, 1234, 2999):
@@ -58,8 +62,13 @@ def test_odometry_on_wheels_that_never_slip_is_the_truth(simulation: Simulation,
         assert pose.position[1] == pytest.approx(odometry.y, abs=1e-4)
 
 
-def test_a_robot_whose_drive_is_refused_leaves_nothing_behind(simulation: Simulation, robot: Robot) -> None:
-    devices = [replace(one, wheelDiameter=0.0) if isinstance(one, DiffDrive) else one for one in robot.devices]
+def test_a_robot_whose_drive_is_refused_leaves_nothing_behind(
+    simulation: Simulation, robot: Robot
+) -> None:
+    devices = [
+        replace(one, wheelDiameter=0.0) if isinstance(one, DiffDrive) else one
+        for one in robot.devices
+    ]
     with pytest.raises(CommandError, match="must be above 0"):
         simulation.add_robot("r", "r", replace(robot, devices=tuple(devices)), Pose())
     assert simulation.names() == []
@@ -68,12 +77,20 @@ def test_a_robot_whose_drive_is_refused_leaves_nothing_behind(simulation: Simula
 
 def test_fixed_joints_are_lumped_and_wheels_become_balls(robot: Robot) -> None:
     body = body_from_robot(robot, no_mesh)
-    assert [part.name for part in body.parts] == ["base_link", "left_wheel", "right_wheel", "swivel", "caster"]
+    assert [part.name for part in body.parts] == [
+        "base_link",
+        "left_wheel",
+        "right_wheel",
+        "swivel",
+        "caster",
+    ]
     assert [name for name, _ in body.parts[0].frames] == ["base_link", "laser"]
     wheel = body.parts[1].touches[0]
     assert wheel.rolling
     assert wheel.collision.shape == Sphere(0.0975)
-    drums = [touch for touch in body.parts[0].touches if isinstance(touch.collision.shape, Cylinder)]
+    drums = [
+        touch for touch in body.parts[0].touches if isinstance(touch.collision.shape, Cylinder)
+    ]
     assert len(drums) == 2
     assert min(z for *_, z in lowest_points(body, Pose(), no_mesh)) == pytest.approx(0.0)
 
@@ -83,7 +100,9 @@ def test_what_stands_in_the_ground_is_lifted_onto_it(simulation: Simulation, rob
     assert entity.initial.position[2] == pytest.approx(0.0005)
 
 
-def test_a_refused_robot_leaves_nothing(simulation: Simulation, engine: FakeEngine, robot: Robot) -> None:
+def test_a_refused_robot_leaves_nothing(
+    simulation: Simulation, engine: FakeEngine, robot: Robot
+) -> None:
     engine.refuses = robot.name
     with pytest.raises(EngineError):
         simulation.add_robot("r", "", robot, Pose())
@@ -101,7 +120,9 @@ def test_low_shapes_are_ground_and_high_ones_obstacles(
     assert [one.model.name for one in obstacles] == ["wall"]
 
 
-def test_only_robots_that_shall_stand_may_sleep(simulation: Simulation, engine: FakeEngine, robot: Robot) -> None:
+def test_only_robots_that_shall_stand_may_sleep(
+    simulation: Simulation, engine: FakeEngine, robot: Robot
+) -> None:
     entity = simulation.add_robot("r", "", robot, Pose())
     simulation.advance(12)
     assert entity.handle in engine.resting
@@ -110,7 +131,9 @@ def test_only_robots_that_shall_stand_may_sleep(simulation: Simulation, engine: 
     assert entity.handle not in engine.resting
 
 
-def test_collisions_are_reported_once_an_episode(simulation: Simulation, engine: FakeEngine, robot: Robot) -> None:
+def test_collisions_are_reported_once_an_episode(
+    simulation: Simulation, engine: FakeEngine, robot: Robot
+) -> None:
     entity = simulation.add_robot("r", "", robot, Pose())
     engine.touched = {entity.handle}
     simulation.advance(120)
@@ -123,7 +146,9 @@ def test_collisions_are_reported_once_an_episode(simulation: Simulation, engine:
     assert entity.collisions.count == 2
 
 
-def test_a_wrench_acts_from_first_to_last_tick(simulation: Simulation, engine: FakeEngine, robot: Robot) -> None:
+def test_a_wrench_acts_from_first_to_last_tick(
+    simulation: Simulation, engine: FakeEngine, robot: Robot
+) -> None:
     entity = simulation.add_robot("r", "", robot, Pose())
     simulation.push(Wrench(entity, 0, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 60, 120))
     simulation.advance(TICK_RATE)
@@ -134,7 +159,9 @@ def test_a_wrench_without_end_is_cleared_with_its_link(
     simulation: Simulation, engine: FakeEngine, robot: Robot
 ) -> None:
     entity = simulation.add_robot("r", "", robot, Pose())
-    simulation.push(Wrench(entity, 0, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0, math.inf))
+    simulation.push(
+        Wrench(entity, 0, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0, math.inf)
+    )
     simulation.advance(120)
     simulation.clear_pushes(entity, 0)
     count = len(engine.pushed)
@@ -169,7 +196,9 @@ def test_a_command_acts_from_the_first_step_that_begins_after_it_however_late_th
         driven.command(40, math.nan, 0.0)
 
 
-def test_a_reset_forgets_commands_that_were_not_obeyed_yet(simulation: Simulation, robot: Robot) -> None:
+def test_a_reset_forgets_commands_that_were_not_obeyed_yet(
+    simulation: Simulation, robot: Robot
+) -> None:
     driven = simulation.add_robot("r", "r", robot, Pose()).drives[0]
     driven.command(600, 1.0, 0.0)
     simulation.reset()
@@ -177,7 +206,9 @@ def test_a_reset_forgets_commands_that_were_not_obeyed_yet(simulation: Simulatio
     assert simulation.odometry(driven).x == 0.0
 
 
-def test_between_two_steps_poses_lie_between_their_states(simulation: Simulation, robot: Robot) -> None:
+def test_between_two_steps_poses_lie_between_their_states(
+    simulation: Simulation, robot: Robot
+) -> None:
     entity = simulation.add_robot("r", "r", robot, Pose())
     entity.drives[0].command(0, 1.0, 0.0)
     at = {}
@@ -187,7 +218,9 @@ def test_between_two_steps_poses_lie_between_their_states(simulation: Simulation
     assert at[606] == pytest.approx((at[600] + at[612]) / 2)
 
 
-def test_numbers_that_no_engine_can_simulate_are_refused(simulation: Simulation, robot: Robot) -> None:
+def test_numbers_that_no_engine_can_simulate_are_refused(
+    simulation: Simulation, robot: Robot
+) -> None:
     entity = simulation.add_robot("r", "r", robot, Pose())
     huge, still = 1e200, (0.0, 0.0, 0.0)
     with pytest.raises(BoundError, match="velocity must be finite and at most 1000 m/s"):
@@ -201,7 +234,10 @@ def test_numbers_that_no_engine_can_simulate_are_refused(simulation: Simulation,
     for physics in (Physics(gravity=(0.0, 0.0, -huge)), Physics(iterations=10**9)):
         with pytest.raises(BoundError):
             simulation.configure(physics)
-    for link in (Link("l", mass=huge), Link("l", collisions=(Collision("c", Pose(), Sphere(huge)),))):
+    for link in (
+        Link("l", mass=huge),
+        Link("l", collisions=(Collision("c", Pose(), Sphere(huge)),)),
+    ):
         for static in (False, True)[: 1 if link.mass == huge else 2]:
             with pytest.raises(BoundError, match="m, link"):
                 simulation.add_model(Model("m", static=static, links=(link,)))

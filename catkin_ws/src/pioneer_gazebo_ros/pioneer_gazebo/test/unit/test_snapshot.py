@@ -15,7 +15,9 @@ from pioneer_gazebo.nodes.snapshot import ends
 
 
 def test_beams_that_met_something_end_there_and_others_nowhere() -> None:
-    scan = LaserScan(angle_min=-math.pi / 2, angle_increment=math.pi / 2, ranges=[1.0, math.inf, 2.0])
+    scan = LaserScan(
+        angle_min=-math.pi / 2, angle_increment=math.pi / 2, ranges=[1.0, math.inf, 2.0]
+    )
     found = ends(scan, Pose.from_rpy(5.0, 1.0, 0.3, yaw=math.pi / 2))
     np.testing.assert_allclose(found, [[6.0, 1.0], [3.0, 1.0]], atol=1e-9)
 
@@ -28,7 +30,9 @@ def test_walls_and_hits_are_drawn_where_they_are() -> None:
     scale = (image.size[1] - 1) / 11.0
 
     def pixel(x: float, y: float) -> tuple[int, ...]:
-        return image.getpixel((round((x + 5.5) * scale), round(image.size[1] - 1 - (y + 5.5) * scale)))
+        return image.getpixel(
+            (round((x + 5.5) * scale), round(image.size[1] - 1 - (y + 5.5) * scale))
+        )
 
     assert pixel(2.0, 5.0) == WALL
     assert pixel(2.0, -5.0) == WALL
@@ -37,7 +41,14 @@ def test_walls_and_hits_are_drawn_where_they_are() -> None:
 
 
 def test_solids_are_filled_and_open_lines_are_not() -> None:
-    box = np.array([[-3.0, -3.0, 6.0, 0.0], [3.0, -3.0, 0.0, 6.0], [3.0, 3.0, -6.0, 0.0], [-3.0, 3.0, 0.0, -6.0]])
+    box = np.array(
+        [
+            [-3.0, -3.0, 6.0, 0.0],
+            [3.0, -3.0, 0.0, 6.0],
+            [3.0, 3.0, -6.0, 0.0],
+            [-3.0, 3.0, 0.0, -6.0],
+        ]
+    )
     image = PlanImage(
         [Section(box, EMPTY.circles), Section(EMPTY.segments, np.array([[8.0, 0.0, 1.0]]))], [], 600
     ).image
@@ -53,7 +64,9 @@ def test_an_empty_world_has_a_picture_too() -> None:
 
 
 @pytest.mark.parametrize("display", ["", ":987", "nonsense", ":x"])
-def test_a_window_without_a_display_is_refused_in_one_line(display: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_window_without_a_display_is_refused_in_one_line(
+    display: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("DISPLAY", display)
     with pytest.raises(EngineError, match="a window needs a display"):
         BulletEngine(window=True)

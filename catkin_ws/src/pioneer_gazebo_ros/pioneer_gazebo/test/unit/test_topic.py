@@ -10,7 +10,12 @@ import rospy
 
 from pioneer_gazebo.nodes.mailbox import ClosedError, Mailbox
 from pioneer_gazebo.nodes.timeline import MOST_BEHIND, Pacer
-from pioneer_gazebo.nodes.topic import FRAMES_KEPT, _bear_late_goodbyes, _Outlet, publish_while_alive
+from pioneer_gazebo.nodes.topic import (
+    FRAMES_KEPT,
+    _bear_late_goodbyes,
+    _Outlet,
+    publish_while_alive,
+)
 
 
 @pytest.fixture
@@ -98,7 +103,9 @@ class _ClosedTopic:
         raise rospy.ROSException("publish() to a closed topic")
 
 
-def test_what_is_published_while_the_node_shuts_down_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_published_while_the_node_shuts_down_is_dropped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     with pytest.raises(rospy.ROSException):
         publish_while_alive(_ClosedTopic(), None)
     monkeypatch.setattr(rospy, "is_shutdown", lambda: True)
@@ -130,7 +137,9 @@ def test_a_closed_mailbox_refuses_work() -> None:
         mailbox.call(lambda: None)
 
 
-def test_pace_keeps_to_the_wall_and_gives_up_what_it_cannot_catch_up(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pace_keeps_to_the_wall_and_gives_up_what_it_cannot_catch_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     now = [100.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     pacer = Pacer(2.0)

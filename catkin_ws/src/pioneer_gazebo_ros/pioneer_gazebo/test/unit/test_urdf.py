@@ -91,7 +91,12 @@ def test_drive_is_read_under_the_plugins_names():
 def test_laser_is_read_under_the_sensors_names():
     (laser,) = cart(LASER.format(samples=720, pose="<pose>0 0 1 0 0 0</pose>")).lasers
     assert (laser.samples, laser.min_angle, laser.max_range, laser.update_rate) == (720, -1, 30, 40)
-    assert (laser.noise_stddev, laser.topic, laser.frame, laser.link) == (0.01, "scan", "laser", "body")
+    assert (laser.noise_stddev, laser.topic, laser.frame, laser.link) == (
+        0.01,
+        "scan",
+        "laser",
+        "body",
+    )
     assert laser.pose.position == (0, 0, 1)
 
 
@@ -114,12 +119,27 @@ def test_unknown_plugins_and_elements_are_named_once():
         (DRIVE.format(extra="").replace(">l<", ">left<"), "unknown joint 'left'"),
         (LASER.format(samples=0, pose=""), "samples.* must be 1 or more"),
         (LASER.format(samples=1.5, pose=""), "whole number"),
-        (LASER.format(samples=5, pose="").replace("body", "bod"), "unknown link 'bod'; did you mean 'body'?"),
-        ('<gazebo><plugin name="p" filename="libgazebo_ros_p3d.so"/></gazebo>', "<bodyName> is missing"),
+        (
+            LASER.format(samples=5, pose="").replace("body", "bod"),
+            "unknown link 'bod'; did you mean 'body'?",
+        ),
+        (
+            '<gazebo><plugin name="p" filename="libgazebo_ros_p3d.so"/></gazebo>',
+            "<bodyName> is missing",
+        ),
         ('<link name="loose"/>', "must have exactly one root link, found 2: base, loose"),
-        ('<joint name="j" type="bent"><parent link="base"/><child link="left"/></joint>', "'bent' is not one of"),
-        ('<joint name="j" type="fixed"><parent link="base"/><child link="left"/></joint>', "child of two joints"),
-        ('<joint name="j" type="fixed"><parent link="base"/><child link="x"/></joint>', "no link 'x'"),
+        (
+            '<joint name="j" type="bent"><parent link="base"/><child link="left"/></joint>',
+            "'bent' is not one of",
+        ),
+        (
+            '<joint name="j" type="fixed"><parent link="base"/><child link="left"/></joint>',
+            "child of two joints",
+        ),
+        (
+            '<joint name="j" type="fixed"><parent link="base"/><child link="x"/></joint>',
+            "no link 'x'",
+        ),
     ],
 )
 def test_what_makes_no_sense_is_refused_with_file_and_element(extra, message):
@@ -137,7 +157,9 @@ def test_details_that_no_body_has_are_noted_with_their_line_and_left_out():
     assert robot.link("bad").mass == 0
     assert robot.link("bad").collisions == ()
     assert robot.link("light").inertia.ixx == pytest.approx(0.02)
-    assert [line.partition(": ")[0].startswith("cart.urdf, line ") for line in robot.warnings] == [True] * 3
+    assert [line.partition(": ")[0].startswith("cart.urdf, line ") for line in robot.warnings] == [
+        True
+    ] * 3
     assert "value must be > 0 (got 0)" in robot.warnings[0]
 
 
@@ -147,7 +169,10 @@ VALUES = {"mu1": st.floats(0, 10), "mu": st.floats(0, 10), "mu2": st.floats(0, 1
 
 @given(st.fixed_dictionaries({}, optional=VALUES))
 def test_both_spellings_of_a_surface_give_the_same_robot(values):
-    words = {tag: str(value).lower() if isinstance(value, bool) else str(value) for tag, value in values.items()}
+    words = {
+        tag: str(value).lower() if isinstance(value, bool) else str(value)
+        for tag, value in values.items()
+    }
     inside = "".join(f"<{tag}>{word}</{tag}>" for tag, word in words.items())
     attribute = "".join(f'<{tag} value="{word}"/>' for tag, word in words.items())
     one, other = (cart(f'<gazebo reference="body">{text}</gazebo>') for text in (inside, attribute))

@@ -23,7 +23,9 @@ class ControllerTest(unittest.TestCase):
         cls.commands = rospy.Publisher("cmd_vel", Twist, queue_size=10)
         rospy.Subscriber("pioneer/cmd_vel", Twist, lambda message: cls.received.append(message))
         cls.tick()
-        wait_until(lambda: cls.commands.get_num_connections() == 1, "the controller to listen", TIMEOUT)
+        wait_until(
+            lambda: cls.commands.get_num_connections() == 1, "the controller to listen", TIMEOUT
+        )
         cls.command(1.0, 0.0)
         wait_until(lambda: cls.connected(), "the controller to be heard", TIMEOUT)
 

@@ -30,7 +30,9 @@ def test_two_infinities_of_opposite_sign_do_not_cancel() -> None:
 
 
 def test_gains_are_read_from_their_names() -> None:
-    parameters = {"controller_gains": {"body": {"linear": {"p": 2}, "angular": {"p": 0.5, "i": 0.0, "d": 0}}}}
+    parameters = {
+        "controller_gains": {"body": {"linear": {"p": 2}, "angular": {"p": 0.5, "i": 0.0, "d": 0}}}
+    }
     assert gains_from_parameters(parameters, "/pioneer_ros") == Gains(2.0, 0.5)
     assert gains_from_parameters({}, "/pioneer_ros") == Gains(1.0, 1.0)
 
@@ -51,11 +53,26 @@ def test_a_parameter_that_is_wrong_is_named(parameters: dict[str, object], messa
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"controller_gain": {}}, "unknown parameter ~controller_gain; did you mean ~controller_gains?"),
-        ({"controller_gains": {"left": {"p": 1.0}, "body": {"linear": {"p": 2.0}}}}, "~controller_gains/left. It has"),
-        ({"controller_gains": {"body": {"lateral": {}}}}, "unknown parameter ~controller_gains/body/lateral"),
-        ({"controller_gains": {"body": {"linear": {"gain": 1.0}}}}, "~controller_gains/body/linear/gain"),
-        ({"controller_gains": {"body": {"linear": {"p": 2.0, "i": 0.2}}}}, "~controller_gains/body/linear/i"),
+        (
+            {"controller_gain": {}},
+            "unknown parameter ~controller_gain; did you mean ~controller_gains?",
+        ),
+        (
+            {"controller_gains": {"left": {"p": 1.0}, "body": {"linear": {"p": 2.0}}}},
+            "~controller_gains/left. It has",
+        ),
+        (
+            {"controller_gains": {"body": {"lateral": {}}}},
+            "unknown parameter ~controller_gains/body/lateral",
+        ),
+        (
+            {"controller_gains": {"body": {"linear": {"gain": 1.0}}}},
+            "~controller_gains/body/linear/gain",
+        ),
+        (
+            {"controller_gains": {"body": {"linear": {"p": 2.0, "i": 0.2}}}},
+            "~controller_gains/body/linear/i",
+        ),
     ],
 )
 def test_gains_that_nothing_reads_are_warnings(

@@ -63,7 +63,9 @@ def _note_lines(node: yaml.Node, place: Place, lines: dict[Place, int], path: Pa
         for key, value in node.value:
             own = (*place, key.value)
             if own in lines:
-                raise DocumentError(f"{path}:{key.start_mark.line + 1}: field {key.value} is given twice")
+                raise DocumentError(
+                    f"{path}:{key.start_mark.line + 1}: field {key.value} is given twice"
+                )
             lines[own] = key.start_mark.line + 1
             _note_lines(value, own, lines, path)
     elif isinstance(node, yaml.SequenceNode):

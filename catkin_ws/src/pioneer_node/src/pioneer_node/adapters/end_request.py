@@ -16,7 +16,9 @@ class EndRequest:
     """
 
     def __init__(self) -> None:
-        self.number = 0  #: the signal that requested shutdown, of those given to `take_signals`; 0 for none
+        self.number = (
+            0  #: the signal that requested shutdown, of those given to `take_signals`; 0 for none
+        )
         self._is_set = False
         self._signals: int | None = None
         self._numbers: tuple[int, ...] = ()
@@ -59,7 +61,11 @@ class EndRequest:
         """
         if not self._is_set:
             poll = select.poll()
-            for descriptor in (self._wake, *beside, *(() if self._signals is None else (self._signals,))):
+            for descriptor in (
+                self._wake,
+                *beside,
+                *(() if self._signals is None else (self._signals,)),
+            ):
                 poll.register(descriptor, select.POLLIN)
             poll.poll(None if timeout is None else math.ceil(timeout * 1000))
             self._read_signals()

@@ -9,7 +9,12 @@ from pioneer_msgs.msg import LockstepMessage, LockstepToken
 
 from pioneer_node.core.ring import INLET, OUTLET, PROBE, ring_topic
 
-_STREAMS = {"sensor_msgs/LaserScan", "sensor_msgs/PointCloud2", "nav_msgs/Odometry", "rosgraph_msgs/Clock"}
+_STREAMS = {
+    "sensor_msgs/LaserScan",
+    "sensor_msgs/PointCloud2",
+    "nav_msgs/Odometry",
+    "rosgraph_msgs/Clock",
+}
 """Types that a member accepts from tokens only: connections would deliver each message a second time."""
 
 Take = Callable[[LockstepMessage], object]
@@ -28,7 +33,9 @@ class Exchange:
 
     def __init__(self, name: str) -> None:
         self.name = name  #: this node's name
-        self.partners: tuple[str, ...] = ()  #: nodes in lockstep, including this one, whose messages come in tokens
+        self.partners: tuple[
+            str, ...
+        ] = ()  #: nodes in lockstep, including this one, whose messages come in tokens
         self.wanted: frozenset[str] = frozenset()  #: topics that any node in lockstep subscribes to
         self._listeners: dict[str, list[Take]] = {}
         self._latched: dict[tuple[str, Hashable], bytes] = {}
@@ -131,7 +138,12 @@ class Place:
     """
 
     def __init__(
-        self, exchange: Exchange, ring: str, members: Sequence[str], name: str, set_time: Callable[[Any], object]
+        self,
+        exchange: Exchange,
+        ring: str,
+        members: Sequence[str],
+        name: str,
+        set_time: Callable[[Any], object],
     ) -> None:
         self.exchange = exchange
         exchange.partners = tuple(f"/{ring}/{one}" if ring else f"/{one}" for one in members)
@@ -141,7 +153,9 @@ class Place:
         self.outlet = ring_topic(ring, OUTLET if place == len(members) - 1 else f"after_{name}")
         self.probe, self.answers = ring_topic(ring, PROBE), ring_topic(ring, OUTLET)
         self.step: Callable[[], object] = lambda: None  #: called to do one period's work
-        self.ready: Callable[[], bool] = lambda: True  #: returns whether the node is ready for its first period
+        self.ready: Callable[[], bool] = lambda: (
+            True
+        )  #: returns whether the node is ready for its first period
         self._set_time = set_time
         self._working = threading.Event()
         self._period = -1  # not joined yet
@@ -174,7 +188,9 @@ class Place:
             exchange.set_wanted(token.wants)
         exchange.deliver(token.messages)
         self.step()
-        token.messages = [one for one in token.messages if one.sender != exchange.name] + exchange.take()
+        token.messages = [
+            one for one in token.messages if one.sender != exchange.name
+        ] + exchange.take()
         self._working.clear()
         self._last = token
         return token

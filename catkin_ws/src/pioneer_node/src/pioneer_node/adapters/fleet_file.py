@@ -52,7 +52,11 @@ def file_named(name: str, source: Path, owner: str) -> str:
         return ""
     package, _, inside = name.removeprefix("package://").partition("/")
     try:
-        folder = Path(rospkg.RosPack().get_path(package)) if name.startswith("package://") else source.resolve().parent
+        folder = (
+            Path(rospkg.RosPack().get_path(package))
+            if name.startswith("package://")
+            else source.resolve().parent
+        )
     except rospkg.ResourceNotFound:
         raise FleetFileError(f"{source}: {owner}: there is no package {package}") from None
     path = folder / (inside if name.startswith("package://") else Path(name).expanduser())

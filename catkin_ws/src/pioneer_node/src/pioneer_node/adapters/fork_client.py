@@ -83,9 +83,15 @@ def _await_creation(path: str) -> None:
 
     library, deadline = ctypes.CDLL(None, use_errno=True), time.monotonic() + _START
     watch = library.inotify_init1(os.O_CLOEXEC)
-    if watch < 0 or library.inotify_add_watch(watch, os.fsencode(os.path.dirname(path)), _CREATED) < 0:
+    if (
+        watch < 0
+        or library.inotify_add_watch(watch, os.fsencode(os.path.dirname(path)), _CREATED) < 0
+    ):
         raise OSError(ctypes.get_errno(), "cannot watch the folder")
-    while not os.path.exists(path) and select.select([watch], [], [], max(0.0, deadline - time.monotonic()))[0]:
+    while (
+        not os.path.exists(path)
+        and select.select([watch], [], [], max(0.0, deadline - time.monotonic()))[0]
+    ):
         os.read(watch, 4096)
     os.close(watch)
 
@@ -118,7 +124,9 @@ class _Signals:
         # Without a wake-up pipe, a signal just before a blocking system call would be handled only after the call.
         self._reader, writer = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
-        self._taken = [number for number in _FORWARDED if signal.getsignal(number) is not signal.SIG_IGN]
+        self._taken = [
+            number for number in _FORWARDED if signal.getsignal(number) is not signal.SIG_IGN
+        ]
         for number in self._taken:
             signal.signal(number, self._take)
 

@@ -91,7 +91,11 @@ class ForkedProcess:
         """
         if self._status is None:
             self._status = self._server.status(self.pid)
-        if self._status is None and self._server.is_lost and select.select([self._handle], [], [], 0)[0]:
+        if (
+            self._status is None
+            and self._server.is_lost
+            and select.select([self._handle], [], [], 0)[0]
+        ):
             self._status = -signal.SIGKILL
         return self._status
 
@@ -243,7 +247,11 @@ class _Server:
             request, streams, *_ = socket.recv_fds(line, _LARGEST, _STREAMS)
             fields, lend = json.loads(request)
             program = Program(*fields)
-        except (OSError, ValueError, TypeError):  # an empty read at the end of the connection is not JSON either
+        except (
+            OSError,
+            ValueError,
+            TypeError,
+        ):  # an empty read at the end of the connection is not JSON either
             allowed = False
         else:
             allowed = self._guard is None or line not in self._guests or self._guard.allows(program)
@@ -253,7 +261,9 @@ class _Server:
         self._drop(line)
         return None
 
-    def _fork(self, line: socket.socket, program: Program, streams: Sequence[int], lend: bool) -> Program | None:
+    def _fork(
+        self, line: socket.socket, program: Program, streams: Sequence[int], lend: bool
+    ) -> Program | None:
         """Forks; returns the program in the new process, and None here once the new process leads its own session."""
         reader, writer = os.pipe2(os.O_CLOEXEC)
         server = os.getpid()

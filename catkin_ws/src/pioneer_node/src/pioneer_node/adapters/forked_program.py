@@ -49,7 +49,9 @@ class Program:
             status = 1
         threading._shutdown()  # type: ignore[attr-defined] # joins all non-daemon threads
         atexit._run_exitfuncs()
-        with contextlib.suppress(OSError, ValueError):  # the output's receiver may have exited first
+        with contextlib.suppress(
+            OSError, ValueError
+        ):  # the output's receiver may have exited first
             sys.stdout.flush()
             sys.stderr.flush()
         os._exit(status)
@@ -59,7 +61,9 @@ class Program:
         os.chdir(self.folder)
         os.environ.clear()
         os.environ.update(self.environment)
-        process_title.show([sys.executable, *self.arguments], self.environment, os.path.basename(path))
+        process_title.show(
+            [sys.executable, *self.arguments], self.environment, os.path.basename(path)
+        )
         # In place: some functions use the list as a default argument.
         sys.argv[:], sys.orig_argv[:] = self.arguments, [sys.executable, *self.arguments]
         sys.path[0] = str(Path(path).resolve().parent)

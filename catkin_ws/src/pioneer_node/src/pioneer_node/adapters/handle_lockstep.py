@@ -22,14 +22,20 @@ class HandleMember:
         """Takes the node, the ring's name, its members in the order of their turns, and this member's name."""
         self._exchange = Exchange(handle.name)
         self._place = place = Place(
-            self._exchange, ring, members, name, lambda stamp: handle.set_time(float(stamp.to_sec()))
+            self._exchange,
+            ring,
+            members,
+            name,
+            lambda stamp: handle.set_time(float(stamp.to_sec())),
         )
         place.step = self._step
         self._ticks: list[Callable[[], object]] = []
         # Tokens themselves travel over TCPROS connections.
         self._outlet = handle.advertise(place.outlet, LockstepToken)
         self._answers = (
-            self._outlet if place.answers == place.outlet else handle.advertise(place.answers, LockstepToken)
+            self._outlet
+            if place.answers == place.outlet
+            else handle.advertise(place.answers, LockstepToken)
         )
         handle.subscribe(place.inlet, LockstepToken, self._take)
         handle.subscribe(place.probe, LockstepToken, self._answer)

@@ -14,7 +14,13 @@ from typing import Any, Protocol
 import rosgraph
 from genpy import DeserializationError, Time
 from roscpp.msg import Logger
-from roscpp.srv import GetLoggers, GetLoggersResponse, SetLoggerLevel, SetLoggerLevelRequest, SetLoggerLevelResponse
+from roscpp.srv import (
+    GetLoggers,
+    GetLoggersResponse,
+    SetLoggerLevel,
+    SetLoggerLevelRequest,
+    SetLoggerLevelResponse,
+)
 from rosgraph_msgs.msg import Clock, Log
 
 from pioneer_node.conversions import frame_of
@@ -84,7 +90,9 @@ class _Patient(xmlrpc.client.Transport):
 class Publisher:
     """A topic that a node publishes."""
 
-    def __init__(self, publication: Publication, topic: str, latched: bool, lockstep: Lockstep | None) -> None:
+    def __init__(
+        self, publication: Publication, topic: str, latched: bool, lockstep: Lockstep | None
+    ) -> None:
         self.topic = topic  #: its resolved name
         self.latched = latched  #: whether new subscribers get the last message
         self._publication, self._lockstep = publication, lockstep
@@ -225,7 +233,11 @@ class NodeHandle:
         """Returns the node's private parameters, an empty dictionary if there are none; see `STRICT`."""
         values = self.parameter("~", {})
         UNKNOWN.strict = bool(self.found_parameter(STRICT, False))
-        return {name: values[name] for name in values if name != STRICT} if isinstance(values, dict) else {}
+        return (
+            {name: values[name] for name in values if name != STRICT}
+            if isinstance(values, dict)
+            else {}
+        )
 
     def set_parameter(self, name: str, value: Any) -> None:
         """Sets a parameter."""
@@ -233,7 +245,9 @@ class NodeHandle:
 
     def watch(self, name: str, changed: Callable[[Any], object]) -> None:
         """Calls ``changed`` with a parameter's value now and on every change; with None while it is not set."""
-        self._node.watch(self.resolved(name), lambda value: self.guard(changed, None if value == {} else value))
+        self._node.watch(
+            self.resolved(name), lambda value: self.guard(changed, None if value == {} else value)
+        )
 
     # Time
 
@@ -281,9 +295,13 @@ class NodeHandle:
 
     def subscribe_serialised(self, topic: str, kind: Any, take: Received) -> "Subscriber":
         """Subscribes like `subscribe`, but passes messages in serialised form."""
-        return Subscriber(self.lockstep, self._node, self.resolved(topic), kind, partial(self.guard, take))
+        return Subscriber(
+            self.lockstep, self._node, self.resolved(topic), kind, partial(self.guard, take)
+        )
 
-    def serve(self, service: str, kind: Any, answer: Callable[[Any], Any], may_wait: bool = False) -> None:
+    def serve(
+        self, service: str, kind: Any, answer: Callable[[Any], Any], may_wait: bool = False
+    ) -> None:
         """Offers a service; ``answer`` turns a request into a response. The client gets its exceptions as errors.
 
         If it ``may_wait``, each call runs in its own thread.
@@ -330,7 +348,9 @@ class NodeHandle:
 class Subscriber:
     """A subscription of a node; ``received`` gets each message."""
 
-    def __init__(self, lockstep: Lockstep | None, node: Node, topic: str, kind: Any, received: Received) -> None:
+    def __init__(
+        self, lockstep: Lockstep | None, node: Node, topic: str, kind: Any, received: Received
+    ) -> None:
         self.topic = topic  #: its resolved name
         self._lockstep, self._node, self._received = lockstep, node, received
         connected = lockstep is None or lockstep.listen(topic, kind, received)
@@ -355,7 +375,9 @@ class Subscriber:
 class _Reader:
     """Deserialises the messages of one topic and passes on the valid ones."""
 
-    def __init__(self, handle: NodeHandle, topic: str, kind: Any, take: Callable[[Any, str], object]) -> None:
+    def __init__(
+        self, handle: NodeHandle, topic: str, kind: Any, take: Callable[[Any, str], object]
+    ) -> None:
         self._handle, self._topic, self._kind, self._take = handle, topic, kind, take
         self._complained = False
 
@@ -365,7 +387,9 @@ class _Reader:
             message.deserialize(bytes(data))
         except _UNUSABLE as error:
             if not self._complained:
-                self._handle.logger.error("dropped an invalid message on %s from %s: %s", self._topic, sender, error)
+                self._handle.logger.error(
+                    "dropped an invalid message on %s from %s: %s", self._topic, sender, error
+                )
             self._complained = True
             return
         self._handle.guard(self._take, message, sender)

@@ -69,7 +69,9 @@ class NodeProcess:
         self._logger = logging.getLogger(LOGGER)
         self._reactor = Reactor(self._logger)
         host, bind = rosgraph.network.get_host_name(), rosgraph.network.get_bind_address()
-        self.context = NodeContext(self._reactor, rosgraph.get_master_uri(), host, bind, self._logger)  #: shared
+        self.context = NodeContext(
+            self._reactor, rosgraph.get_master_uri(), host, bind, self._logger
+        )  #: shared
         self._handles: dict[str, NodeHandle] = {}
         self._objects: dict[str, Any] = {}
         self._closing: set[str] = set()
@@ -80,7 +82,9 @@ class NodeProcess:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: self._interrupt())
 
-    def add(self, name: str, build: Build, joined: Callable[[NodeHandle], object] = lambda _: None) -> bool:
+    def add(
+        self, name: str, build: Build, joined: Callable[[NodeHandle], object] = lambda _: None
+    ) -> bool:
         """Creates a node with this name in the process's namespace; ``build`` returns the object that does its work.
 
         ``joined`` gets the handle before ``build``. Returns whether the node was created; logs the reason if not.
@@ -96,9 +100,14 @@ class NodeProcess:
             self._logger.critical("%s: %s", resolved, error)
         except (OSError, xmlrpc.client.Error) as error:
             self._logger.critical(
-                "%s: no answer from the ROS master at %s: %s", resolved, self.context.master_uri, error
+                "%s: no answer from the ROS master at %s: %s",
+                resolved,
+                self.context.master_uri,
+                error,
             )
-        except Exception:  # outermost handler of node creation: anything else is a bug, log its traceback
+        except (
+            Exception
+        ):  # outermost handler of node creation: anything else is a bug, log its traceback
             self._logger.critical("%s ended by an error", resolved, exc_info=True)
         else:
             return True
@@ -115,7 +124,9 @@ class NodeProcess:
                 return master.ask("getPid")[0]
             except (OSError, http.client.HTTPException, xmlrpc.client.Error):
                 if not told:
-                    self._logger.warning("waiting for the ROS master at %s", self.context.master_uri)
+                    self._logger.warning(
+                        "waiting for the ROS master at %s", self.context.master_uri
+                    )
                 told = True
                 self._ending.wait(_LOOK_EVERY)
         return False
@@ -126,7 +137,9 @@ class NodeProcess:
             for old, new in self._mappings.items()
             if not old.startswith("_")
         }
-        handle = NodeHandle(self.context, name, remappings, partial(self._shut_down, name), **self._options)
+        handle = NodeHandle(
+            self.context, name, remappings, partial(self._shut_down, name), **self._options
+        )
         for word in self._own_parameters:
             key, _, value = word.partition(":=")
             handle.set_parameter(f"~{key[1:]}", yaml.safe_load(value))
@@ -198,7 +211,9 @@ class NodeProcess:
         root.setLevel(logging.INFO)
         root.handlers = [logging.NullHandler()]
         if path:
-            file = logging.handlers.RotatingFileHandler(path, maxBytes=_FILE_SIZE, backupCount=_FILES, delay=True)
+            file = logging.handlers.RotatingFileHandler(
+                path, maxBytes=_FILE_SIZE, backupCount=_FILES, delay=True
+            )
             file.setFormatter(logging.Formatter(_FILE_FORMAT))
             root.addHandler(file)
 

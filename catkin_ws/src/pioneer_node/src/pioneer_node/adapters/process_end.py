@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from pioneer_node.adapters.end_request import EndRequest
 
 
-def await_end(pids: Sequence[int], bell: EndRequest, pause: float, longest: float | None = None) -> None:
+def await_end(
+    pids: Sequence[int], bell: EndRequest, pause: float, longest: float | None = None
+) -> None:
     """Waits until one of the processes has ended, or ``bell`` is set or woken.
 
     Args:
@@ -19,7 +21,9 @@ def await_end(pids: Sequence[int], bell: EndRequest, pause: float, longest: floa
     """
     with contextlib.ExitStack() as opened:
         handles: list[int] = []
-        with contextlib.suppress(ProcessLookupError):  # it has ended; then there is one handle fewer
+        with contextlib.suppress(
+            ProcessLookupError
+        ):  # it has ended; then there is one handle fewer
             for pid in pids:
                 handles.append(os.pidfd_open(pid))
                 opened.callback(os.close, handles[-1])

@@ -12,7 +12,14 @@ _NAME = 15
 _FIELDS = ("start_code", "end_code", "start_data", "end_data", "start_brk", "brk", "start_stack")
 _OWN = ("arg_start", "arg_end", "env_start", "env_end")
 # Field indices in /proc/self/stat, counted after the name in brackets; see proc_pid_stat(5).
-_PLACES = {"start_code": 23, "end_code": 24, "start_stack": 25, "start_data": 42, "end_data": 43, "start_brk": 44}
+_PLACES = {
+    "start_code": 23,
+    "end_code": 24,
+    "start_stack": 25,
+    "start_data": 42,
+    "end_data": 43,
+    "start_brk": 44,
+}
 _libc = ctypes.CDLL(None, use_errno=True)
 _libc.sbrk.restype = ctypes.c_void_p
 _kept: list[mmap.mmap] = []
@@ -38,7 +45,9 @@ def show(arguments: Sequence[str], environment: Mapping[str, str], name: str) ->
     """
     _libc.prctl(_PR_SET_NAME, os.fsencode(name)[:_NAME], 0, 0, 0)
     words = b"".join(os.fsencode(word) + b"\0" for word in arguments)
-    variables = b"".join(os.fsencode(f"{key}={value}") + b"\0" for key, value in environment.items())
+    variables = b"".join(
+        os.fsencode(f"{key}={value}") + b"\0" for key, value in environment.items()
+    )
     text = mmap.mmap(-1, len(words) + len(variables) + 1, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
     text.write(words + variables)
     start = ctypes.addressof(ctypes.c_char.from_buffer(text))

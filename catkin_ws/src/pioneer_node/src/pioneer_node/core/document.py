@@ -74,7 +74,10 @@ def _converted(hint: Any, value: Any, what: str) -> Any:
     if origin in (typing.Union, types.UnionType):
         return _option(inner, value, what)
     if origin is tuple and isinstance(value, list):
-        return tuple(_inside(inner[0], one, f"{what} {number + 1}", number) for number, one in enumerate(value))
+        return tuple(
+            _inside(inner[0], one, f"{what} {number + 1}", number)
+            for number, one in enumerate(value)
+        )
     if origin is dict and isinstance(value, Mapping):
         return {key: _inside(inner[1], one, f"{what} {key}", key) for key, one in value.items()}
     if dataclasses.is_dataclass(hint):
@@ -90,4 +93,6 @@ def _option(hints: tuple[Any, ...], value: Any, what: str) -> Any:
         return None
     lists = [hint for hint in hints if typing.get_origin(hint) is tuple]
     others = [hint for hint in hints if hint not in (*lists, type(None))]
-    return _converted((lists if lists and isinstance(value, list) else others or lists)[0], value, what)
+    return _converted(
+        (lists if lists and isinstance(value, list) else others or lists)[0], value, what
+    )

@@ -58,10 +58,13 @@ def check_robots(robots: Sequence[RobotEntry]) -> None:
         owner = f"robot {number + 1}"
         if not _NAME.fullmatch(robot.name):
             raise DocumentError(
-                f"{owner}: a name has letters, digits and _ and begins with a letter, not {robot.name!r}", number
+                f"{owner}: a name has letters, digits and _ and begins with a letter, not {robot.name!r}",
+                number,
             )
         if robot.pose and set(robot.pose) != _POSE:
-            raise DocumentError(f"{owner}: pose must have the numbers x, y and a, not {robot.pose}", number)
+            raise DocumentError(
+                f"{owner}: pose must have the numbers x, y and a, not {robot.pose}", number
+            )
         if names.count(robot.name) > 1:
             raise DocumentError(f"two robots are called {robot.name}", number)
 

@@ -85,10 +85,15 @@ def _plain(kind: str, value: Any) -> Value:
 
 def live_values(config: Any) -> dict[str, Value]:
     """Returns the values of the parameters that may change at run time."""
-    return {each.name: _plain(each.kind, getattr(config, each.name)) for each in live_parameters(type(config))}
+    return {
+        each.name: _plain(each.kind, getattr(config, each.name))
+        for each in live_parameters(type(config))
+    }
 
 
-def accepted(parameters: tuple[LiveParameter, ...], wanted: Mapping[str, Value]) -> tuple[dict[str, Value], list[str]]:
+def accepted(
+    parameters: tuple[LiveParameter, ...], wanted: Mapping[str, Value]
+) -> tuple[dict[str, Value], list[str]]:
     """Returns the settable part of ``wanted``, clamped to the bounds, and one error line for each rejected value.
 
     Unknown names, values of the wrong kind and non-finite numbers are rejected.

@@ -53,7 +53,9 @@ class UnknownNames:
         if text not in self._reported:
             self._reported.add(text)
             # rospy's logger, whose output reaches the terminal and /rosout.
-            logging.getLogger("rosout").warning("%s%s", text if text.endswith("?") else f"{text}.", consequence)
+            logging.getLogger("rosout").warning(
+                "%s%s", text if text.endswith("?") else f"{text}.", consequence
+            )
 
 
 UNKNOWN = UnknownNames()
@@ -61,7 +63,10 @@ UNKNOWN = UnknownNames()
 
 
 def config_from_mapping(
-    config_class: type[Config], parameters: Mapping[str, Any], owner: str, ignored: Collection[str] = ()
+    config_class: type[Config],
+    parameters: Mapping[str, Any],
+    owner: str,
+    ignored: Collection[str] = (),
 ) -> Config:
     """Returns ``config_class`` filled from ``parameters``; absent fields keep their defaults.
 

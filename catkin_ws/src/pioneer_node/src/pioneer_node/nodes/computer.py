@@ -31,7 +31,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the steps; returns 0 after a requested shutdown, else the status of the ended step, at least 1."""
     steps = [shlex.split(step) for step in (sys.argv[1:] if arguments is None else arguments)]
     if not all(steps) or not steps:
-        sys.stderr.write("usage: computer STEP [STEP …], each STEP is a command, quoted as one word\n")
+        sys.stderr.write(
+            "usage: computer STEP [STEP …], each STEP is a command, quoted as one word\n"
+        )
         return 2
     server = None if os.environ.get(SWITCH) == "0" else launcher.shared_server()
     if isinstance(server, Program):
@@ -45,7 +47,9 @@ def _run(steps: Sequence[Sequence[str]], server: ForkServer | None) -> int:
     start: Callable[..., launcher.Started] = subprocess.Popen
     if server is not None:
         start = launcher.starter(server, lend=True)
-    running: list[launcher.Started] = [start(launcher.resolved(step), **launcher.as_here()) for step in steps]
+    running: list[launcher.Started] = [
+        start(launcher.resolved(step), **launcher.as_here()) for step in steps
+    ]
     ended = None
     while ended is None and not ending.is_set():
         await_end([one.pid for one in running], ending, _REPORTED)

@@ -47,7 +47,9 @@ class DirectConnection:
             if sent < len(data):
                 self._rest = data[sent:]
                 self._writing = True
-                threading.Thread(target=self._write_queue, name="slow-subscriber", daemon=True).start()
+                threading.Thread(
+                    target=self._write_queue, name="slow-subscriber", daemon=True
+                ).start()
         return True
 
     def _write(self, data: bytes) -> int:
@@ -61,7 +63,9 @@ class DirectConnection:
         except BlockingIOError:
             return 0
         except OSError:
-            self._connection.write_data(data)  # handles the error as usual and closes the connection
+            self._connection.write_data(
+                data
+            )  # handles the error as usual and closes the connection
             return len(data)
         self._connection.stat_bytes += sent
         self._connection.stat_num_msg += sent == len(data)
@@ -71,7 +75,11 @@ class DirectConnection:
         while (data := self._next()) is not None:
             try:
                 self._connection.write_data(data)
-            except (TransportException, OSError, AttributeError) as error:  # AttributeError if closed meanwhile
+            except (
+                TransportException,
+                OSError,
+                AttributeError,
+            ) as error:  # AttributeError if closed meanwhile
                 with self._lock:
                     self._error = error
 

@@ -29,7 +29,10 @@ _REGISTERING = 3.0
 
 
 def run(
-    name: str, build: Callable[[], Any], expected: tuple[type[Exception], ...] = (), wall_time: bool = False
+    name: str,
+    build: Callable[[], Any],
+    expected: tuple[type[Exception], ...] = (),
+    wall_time: bool = False,
 ) -> int:
     """Initialises the node, builds it, spins until shutdown, and returns the process's exit status.
 
@@ -128,7 +131,9 @@ def _shut_down_when_asked() -> None:
     """
     _ending.wait()
     if not _initialised.wait(_REGISTERING):
-        sys.stderr.write(f"ended while registering with the ROS master at {rosgraph.get_master_uri()}\n")
+        sys.stderr.write(
+            f"ended while registering with the ROS master at {rosgraph.get_master_uri()}\n"
+        )
         os._exit(0)
     rospy.signal_shutdown("signal")
 
@@ -149,4 +154,8 @@ def parameters() -> dict[str, Any]:
     values = rospy.get_param("~", {})
     key = rospy.search_param(_STRICT)
     UNKNOWN.strict = bool(key and rospy.get_param(key))
-    return {name: values[name] for name in values if name != _STRICT} if isinstance(values, dict) else {}
+    return (
+        {name: values[name] for name in values if name != _STRICT}
+        if isinstance(values, dict)
+        else {}
+    )

@@ -65,7 +65,9 @@ def _serialised(message: Any) -> bytes:
 class _Publisher(rospy.topics.Publisher):  # type: ignore[misc]
     """Publishes as rospy does, and adds the message to the next token."""
 
-    def __init__(self, name: str, data_class: Any, *args: Any, latch: bool = False, **options: Any) -> None:
+    def __init__(
+        self, name: str, data_class: Any, *args: Any, latch: bool = False, **options: Any
+    ) -> None:
         super().__init__(name, data_class, *args, latch=latch, **options)
         self._latch = latch
 
@@ -95,7 +97,12 @@ class _Subscriber(rospy.topics.Subscriber):  # type: ignore[misc]
     """Receives messages from tokens, and over rospy's connections from nodes outside the lockstep."""
 
     def __init__(
-        self, name: str, data_class: Any, callback: Any = None, callback_args: Any = None, **options: Any
+        self,
+        name: str,
+        data_class: Any,
+        callback: Any = None,
+        callback_args: Any = None,
+        **options: Any,
     ) -> None:
         self._kind, self._function, self._arguments = data_class, callback, callback_args
         topic = rospy.resolve_name(name)
@@ -116,7 +123,9 @@ class _Subscriber(rospy.topics.Subscriber):  # type: ignore[misc]
     def _hear(self, message: Any) -> None:
         header = message._connection_header
         latched = header.get("latching") == "1"
-        if _exchange().accepts(self.resolved_name, header["callerid"], latched, lambda: _serialised(message)):
+        if _exchange().accepts(
+            self.resolved_name, header["callerid"], latched, lambda: _serialised(message)
+        ):
             self._call(message)
 
     def _call(self, message: Any) -> None:
@@ -136,7 +145,11 @@ class _Timer:
     """``rospy.Timer`` without a thread: called by `Exchange.run_timers`."""
 
     def __init__(
-        self, period: rospy.Duration, callback: Callable[[Any], None], oneshot: bool = False, reset: bool = False
+        self,
+        period: rospy.Duration,
+        callback: Callable[[Any], None],
+        oneshot: bool = False,
+        reset: bool = False,
     ) -> None:
         del reset  # lockstep time jumps back only if the simulator restarts; run_if_due then resets the due time
         self._period, self._callback, self._oneshot = period, callback, oneshot

@@ -96,7 +96,9 @@ def _listener() -> socket.socket | None:
     try:
         return listen(path)
     except OSError as error:
-        sys.stderr.write(f"cannot listen at {path} ({error.strerror}): programs start an interpreter each\n")
+        sys.stderr.write(
+            f"cannot listen at {path} ({error.strerror}): programs start an interpreter each\n"
+        )
         return None
 
 
@@ -131,7 +133,13 @@ def started(command: Sequence[str]) -> Started:
 
 def as_here() -> dict[str, Any]:
     """Returns `starter` arguments for this process's environment, folder and output, and a new session."""
-    return {"env": dict(os.environ), "cwd": os.getcwd(), "stdout": None, "stderr": None, "start_new_session": True}
+    return {
+        "env": dict(os.environ),
+        "cwd": os.getcwd(),
+        "stdout": None,
+        "stderr": None,
+        "start_new_session": True,
+    }
 
 
 def starter(server: ForkServer, lend: bool = False) -> Callable[..., Started]:
@@ -147,8 +155,13 @@ def starter(server: ForkServer, lend: bool = False) -> Callable[..., Started]:
         with contextlib.suppress(ForkServerError):
             path = _script(arguments[0], how["env"])
             if path and not server.is_lost and not early_differences(ours, how["env"]):
-                stdout, stderr = (_descriptor(how[name], number) for name, number in (("stdout", 1), ("stderr", 2)))
-                return server.start([path, *arguments[1:]], how["env"], how["cwd"], stdout, stderr, lend)
+                stdout, stderr = (
+                    _descriptor(how[name], number)
+                    for name, number in (("stdout", 1), ("stderr", 2))
+                )
+                return server.start(
+                    [path, *arguments[1:]], how["env"], how["cwd"], stdout, stderr, lend
+                )
         return subprocess.Popen(arguments, **how)
 
     return start
@@ -158,14 +171,19 @@ def resolved(command: Sequence[str]) -> list[str]:
     """Returns a command with ``rosrun`` replaced by the program's path: rosrun would spawn ten processes to find it."""
     if command[0] != "rosrun":
         return list(command)
-    paths = [Path(prefix, "lib", *command[1:3]) for prefix in os.environ.get("CMAKE_PREFIX_PATH", "").split(os.pathsep)]
+    paths = [
+        Path(prefix, "lib", *command[1:3])
+        for prefix in os.environ.get("CMAKE_PREFIX_PATH", "").split(os.pathsep)
+    ]
     return next(([str(path), *command[3:]] for path in paths if path.is_file()), list(command))
 
 
 def _is_same_forked(program: Program) -> bool:
     """Returns whether a requested program behaves the same forked as executed; called in the server."""
     path = program.arguments[0]
-    return _script(path, program.environment) == path and not early_differences(os.environ, program.environment)
+    return _script(path, program.environment) == path and not early_differences(
+        os.environ, program.environment
+    )
 
 
 def _script(program: str, environment: Mapping[str, str]) -> str:
@@ -175,7 +193,9 @@ def _script(program: str, environment: Mapping[str, str]) -> str:
         return ""
     with open(path, "rb") as file:
         first_line = file.readline()
-    found = interpreter(first_line, {"python3": shutil.which("python3", path=environment.get("PATH")) or ""})
+    found = interpreter(
+        first_line, {"python3": shutil.which("python3", path=environment.get("PATH")) or ""}
+    )
     same = found == sys.executable or (
         program == _MASTER and os.path.realpath(found) == os.path.realpath(sys.executable)
     )

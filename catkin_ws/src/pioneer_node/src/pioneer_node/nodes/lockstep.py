@@ -47,7 +47,10 @@ class Link:
             self._connected_at = time.monotonic()
         elif time.monotonic() - self._connected_at > _CONNECT_WITHIN:
             self._subscriber.unregister()
-            self._subscriber, self._connected_at = ring_subscriber(self._topic, self._callback), time.monotonic()
+            self._subscriber, self._connected_at = (
+                ring_subscriber(self._topic, self._callback),
+                time.monotonic(),
+            )
 
 
 class Member:
@@ -68,7 +71,9 @@ class Member:
         self.exchange = Exchange(rospy.get_name())
         self._place = place = Place(self.exchange, ring, members, name, set_time)
         self._outlet = ring_publisher(place.outlet)
-        self._answers = self._outlet if place.answers == place.outlet else ring_publisher(place.answers)
+        self._answers = (
+            self._outlet if place.answers == place.outlet else ring_publisher(place.answers)
+        )
         self._links: list[Link] = []
         self._failed: Exception | None = None
 
@@ -123,7 +128,9 @@ class Turns:
 
     def spin(self) -> None:
         """Runs until shutdown."""
-        self._member.spin(getattr(self._node, "step", lambda: None), getattr(self._node, "ready", lambda: True))
+        self._member.spin(
+            getattr(self._node, "step", lambda: None), getattr(self._node, "ready", lambda: True)
+        )
 
 
 def joined() -> Member | None:

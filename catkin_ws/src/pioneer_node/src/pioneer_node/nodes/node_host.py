@@ -56,9 +56,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(sys.argv if argv is None else argv)
     pairs = [word.partition("=")[::2] for word in rosgraph.myargv(words)[1:]]
     if not pairs or not all(name and module for name, module in pairs):
-        sys.stderr.write("usage: node_host NAME=MODULE …, where NAME is a node and MODULE builds it\n")
+        sys.stderr.write(
+            "usage: node_host NAME=MODULE …, where NAME is a node and MODULE builds it\n"
+        )
         return 2
     process = NodeProcess(words)
-    if not all(process.add(name, importlib.import_module(module).build, join_ring) for name, module in pairs):
+    if not all(
+        process.add(name, importlib.import_module(module).build, join_ring)
+        for name, module in pairs
+    ):
         process.fail()
     leave(process.run())

@@ -125,7 +125,9 @@ def stop_serving_at_shutdown() -> None:
         server = node.server
         close(node, reason)
         if server:
-            server.service_actions = end_thread  # called after each poll; the thread treats the error as a lost socket
+            server.service_actions = (
+                end_thread  # called after each poll; the thread treats the error as a lost socket
+            )
 
     XmlRpcNode.shutdown = shutdown
 
@@ -165,7 +167,11 @@ def read_versions_here() -> None:
 
     def param_value(self: Any, verbose: bool, name: str, kind: str, *sources: str | None) -> Any:
         *others, command = sources
-        if command and command.startswith("rosversion ") and not any(one is not None for one in others):
+        if (
+            command
+            and command.startswith("rosversion ")
+            and not any(one is not None for one in others)
+        ):
             text = _printed_versions(command)
             if text:
                 return loader.convert_value(text, kind)
@@ -251,7 +257,9 @@ def wake_master_workers() -> None:
 
     pool = threadpool.MarkedThreadPool
     pool.queue_task = with_notice(pool.queue_task)
-    pool.remove_marker = with_notice(pool.remove_marker)  # a task waits for the previous one with the same marker
+    pool.remove_marker = with_notice(
+        pool.remove_marker
+    )  # a task waits for the previous one with the same marker
     threadpool.sleep = wait_for_work
 
 
@@ -277,7 +285,9 @@ def tell_registrations() -> None:
 
         return register
 
-    def await_registrations(_master: Any, _caller_id: str, known: int, seconds: float) -> tuple[int, str, int]:
+    def await_registrations(
+        _master: Any, _caller_id: str, known: int, seconds: float
+    ) -> tuple[int, str, int]:
         with happened:
             happened.wait_for(lambda: count != known, max(0.0, min(float(seconds), _LONGEST_AWAIT)))
             return 1, "registrations", count

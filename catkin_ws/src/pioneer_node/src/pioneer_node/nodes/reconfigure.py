@@ -68,7 +68,9 @@ class ReconfigureServer:
         self._descriptions = rospy.Publisher(
             f"{self._namespace}/parameter_descriptions", ConfigDescription, queue_size=1, latch=True
         )
-        self._updates = rospy.Publisher(f"{self._namespace}/parameter_updates", Config, queue_size=1, latch=True)
+        self._updates = rospy.Publisher(
+            f"{self._namespace}/parameter_updates", Config, queue_size=1, latch=True
+        )
         self._descriptions.publish(_description(self._parameters))
         self._updates.publish(_message(self._values))
         self._service = rospy.Service(f"{self._namespace}/set_parameters", Reconfigure, self._set)
@@ -111,7 +113,10 @@ class ReconfigureServer:
 
 
 def _values_from(message: Config) -> dict[str, Value]:
-    return {each.name: each.value for each in (*message.bools, *message.ints, *message.strs, *message.doubles)}
+    return {
+        each.name: each.value
+        for each in (*message.bools, *message.ints, *message.strs, *message.doubles)
+    }
 
 
 def _message(values: Mapping[str, Value]) -> Config:
@@ -129,7 +134,9 @@ def _message(values: Mapping[str, Value]) -> Config:
 
 
 def _description(parameters: tuple[LiveParameter, ...]) -> ConfigDescription:
-    described = [ParamDescription(each.name, each.kind, 0, "", _enumeration(each)) for each in parameters]
+    described = [
+        ParamDescription(each.name, each.kind, 0, "", _enumeration(each)) for each in parameters
+    ]
     return ConfigDescription(
         [Group(_GROUP, "", described, 0, 0)],
         _message({each.name: each.high for each in parameters}),

@@ -21,7 +21,10 @@ class RospyPublisher:
 
     def reaches(self, node: str) -> bool:
         """Returns whether ``node`` is connected. rospy itself notices a lost subscriber only when it writes."""
-        return any(one.endpoint_id == node and _stands(one.socket) for one in self._publisher.impl.connections)
+        return any(
+            one.endpoint_id == node and _stands(one.socket)
+            for one in self._publisher.impl.connections
+        )
 
 
 class RospySubscriber:
@@ -59,7 +62,9 @@ class RospyHandle:
         """Returns a new publisher."""
         return RospyPublisher(topic, kind)
 
-    def subscribe(self, topic: str, kind: Any, take: Callable[[Any, str], object]) -> RospySubscriber:
+    def subscribe(
+        self, topic: str, kind: Any, take: Callable[[Any, str], object]
+    ) -> RospySubscriber:
         """Subscribes; calls ``take`` with each message and the name of the node that sent it."""
         return RospySubscriber(topic, kind, take)
 

@@ -10,12 +10,16 @@ class CoordinatorConfig:
     horizon: int = 3  #: number of places that a robot takes ahead
     #: distance at which a place or the waypoint counts as reached: a bit more than the navigation's goal tolerance
     reach: float = 0.3
-    lease: float = 2.0  #: a robot silent for longer counts as lost: an obstacle at its last reported position
+    lease: float = (
+        2.0  #: a robot silent for longer counts as lost: an obstacle at its last reported position
+    )
     patience: float = 20.0  #: time-out at the start for expected robots
     replan_period: float = 0.4  #: minimum time between two plans of one robot
     #: distance from what it holds above which a robot counts as an obstacle at its position: at least 1.5 ``reach``
     stray: float = 0.45
-    carried: float = 1.0  #: distance from what it holds above which a robot has been carried elsewhere
+    carried: float = (
+        1.0  #: distance from what it holds above which a robot has been carried elsewhere
+    )
     memory: float = 300.0  #: a robot silent for longer is forgotten
 
 

@@ -42,7 +42,11 @@ class Coordinator:
     """
 
     def __init__(
-        self, name: str, roadmap: Roadmap, config: CoordinatorConfig | None = None, expected: Iterable[str] = ()
+        self,
+        name: str,
+        roadmap: Roadmap,
+        config: CoordinatorConfig | None = None,
+        expected: Iterable[str] = (),
     ) -> None:
         self._config = config or CoordinatorConfig()
         self._roadmap, self._expected = roadmap, frozenset(expected) - {name}
@@ -55,9 +59,13 @@ class Coordinator:
         self._plan = Plan()
         self._taken = 0  # index of the last place taken in the plan's path
         self._track: list[int] = []  # places taken, beginning with the last one reached
-        self._aside: tuple[int, ...] = ()  # places held besides the track: to enter it, or to leave the roadmap
+        self._aside: tuple[
+            int, ...
+        ] = ()  # places held besides the track: to enter it, or to leave the roadmap
         self._made_at, self._made_for = -math.inf, ""
-        self._wanted: dict[str, tuple[int, ...]] = {}  # by robot, the ground it wanted at the last check
+        self._wanted: dict[
+            str, tuple[int, ...]
+        ] = {}  # by robot, the ground it wanted at the last check
         self._held = False  # whether this robot takes no part
         self._strays: tuple[Point, ...] = ()  # obstacles that no robot's held places cover
         #: points to drive through; the robot stops at the last one. Empty: it stays.
@@ -86,7 +94,9 @@ class Coordinator:
             return self._neighbours.exclusion()
         waits = self._waits(self._taken + 1)
         ahead = path[self._taken + 1] if self._taken + 1 < len(path) else -1
-        first = sorted({wait.other for wait in waits if not self._has_left(wait.other, wait.other_step, ahead)})
+        first = sorted(
+            {wait.other for wait in waits if not self._has_left(wait.other, wait.other_step, ahead)}
+        )
         if first:
             return f"waits for {', '.join(first)}, which did not move,"
         return self._neighbours.obstruction(self._plan)
@@ -149,7 +159,9 @@ class Coordinator:
         self._progress()
         self._make_plan_if_due(fresh, now)
         self._follow_newest(fresh)
-        if self._own.ready == self._plan.id and hear_one_another(self._plan, self._own.robot, fresh):
+        if self._own.ready == self._plan.id and hear_one_another(
+            self._plan, self._own.robot, fresh
+        ):
             self._take(fresh)
             self._leave(fresh)
         self._visit()
@@ -165,7 +177,9 @@ class Coordinator:
     def _is_carried(self) -> bool:
         """Returns whether the robot is so far from what it holds that it has been carried elsewhere."""
         held = self._own.held
-        return bool(held) and not self._roadmap.is_near_held(held, self._own.position, self._config.carried)
+        return bool(held) and not self._roadmap.is_near_held(
+            held, self._own.position, self._config.carried
+        )
 
     def _is_way_free(self, start: Point, end: Point) -> bool:
         """Returns whether a way comes no nearer than the clearance to a stray robot, unless it leads away from it."""
@@ -202,7 +216,11 @@ class Coordinator:
             if report.adopted != PlanId() or report.robot < own.robot
             for place in report.held
         }
-        if self._track and not others & set(own.held) and not self._leads_by_another(self._track[0]):
+        if (
+            self._track
+            and not others & set(own.held)
+            and not self._leads_by_another(self._track[0])
+        ):
             return
         self._track, self._aside = [], ()
         for place in self._roadmap.entries(own.position):
@@ -214,12 +232,25 @@ class Coordinator:
 
     def _leads_by_another(self, place: int) -> bool:
         """Returns whether the path to a place comes within the clearance of a robot without a plan, nearer than now."""
-        own, end, least = self._own.position, self._roadmap.places[place], self._roadmap.config.clearance
-        standing = [report.position for report in self._neighbours.reports.values() if report.adopted == PlanId()]
-        return any(distance_to_segment(at, own, end) < min(least, math.dist(own, at)) - 1e-6 for at in standing)
+        own, end, least = (
+            self._own.position,
+            self._roadmap.places[place],
+            self._roadmap.config.clearance,
+        )
+        standing = [
+            report.position
+            for report in self._neighbours.reports.values()
+            if report.adopted == PlanId()
+        ]
+        return any(
+            distance_to_segment(at, own, end) < min(least, math.dist(own, at)) - 1e-6
+            for at in standing
+        )
 
     def _publish_held(self) -> None:
-        reached = -1 if self._aside and not self._own.out else max(-1, self._taken - len(self._track) + 1)
+        reached = (
+            -1 if self._aside and not self._own.out else max(-1, self._taken - len(self._track) + 1)
+        )
         self._own = replace(self._own, held=(*self._aside, *self._track), reached=reached)
 
     def _progress(self) -> None:
@@ -241,7 +272,9 @@ class Coordinator:
         if self._own.robot not in self._plan.paths:
             self.route = []
             return
-        self.route = [self._place(index) for index in range(min(1, len(self._track) - 1), len(self._track))]
+        self.route = [
+            self._place(index) for index in range(min(1, len(self._track) - 1), len(self._track))
+        ]
         if self._aside:
             self.route.insert(0, self._place(0))
         if not self._is_way_free(self._own.position, self.route[0]):
@@ -268,7 +301,10 @@ class Coordinator:
         """Returns whether the robot is between the second and the third place taken."""
         if len(self._track) < 3:
             return False
-        return distance_to_segment(self._own.position, self._place(1), self._place(2)) <= self._config.reach
+        return (
+            distance_to_segment(self._own.position, self._place(1), self._place(2))
+            <= self._config.reach
+        )
 
     def _avoid_occupied_ground(self, fresh: dict[str, Report]) -> None:
         """Leaves the roadmap for the waypoint elsewhere if a robot that takes no part stands near the nearest place."""
@@ -287,15 +323,25 @@ class Coordinator:
     def _make_plan_if_due(self, fresh: dict[str, Report], now: float) -> None:
         """Makes a plan if this robot is the planner and the last plan no longer fits."""
         config = self._config
-        is_complete = self._expected <= self._neighbours.reports.keys() or now - self._began >= config.patience
-        is_settled = now - self._met_at >= config.lease and now - self._made_at >= config.replan_period
+        is_complete = (
+            self._expected <= self._neighbours.reports.keys()
+            or now - self._began >= config.patience
+        )
+        is_settled = (
+            now - self._met_at >= config.lease and now - self._made_at >= config.replan_period
+        )
         if not (is_complete and is_settled):
             return
         reports = partners_of(self._own, fresh)
         if not reports or self._own.robot != min(report.robot for report in reports):
             return
         barred = self._neighbours.barred({report.robot for report in reports}, self._obstacles)
-        made_for = repr(([(one.robot, one.goal, one.out and one.goal != one.stop) for one in reports], sorted(barred)))
+        made_for = repr(
+            (
+                [(one.robot, one.goal, one.out and one.goal != one.stop) for one in reports],
+                sorted(barred),
+            )
+        )
         # A robot that leaves its goal to let others pass wants no ground until it is back: that plan still fits.
         wanted, before = {one.robot: ground_wanted(one) for one in reports}, self._wanted
         self._wanted = wanted
@@ -303,20 +349,30 @@ class Coordinator:
         if made_for == self._made_for and not wants_more and not self._is_overtaken(reports, now):
             return
         self._made_at, self._made_for = now, made_for
-        number = 1 + max(report.ready.number for report in (self._own, *self._neighbours.reports.values()))
+        number = 1 + max(
+            report.ready.number for report in (self._own, *self._neighbours.reports.values())
+        )
         plan = planned(self._roadmap, reports, barred, PlanId(number, self._own.robot))
         self._own = replace(self._own, plan=plan)
 
     def _is_overtaken(self, reports: Sequence[Report], now: float) -> bool:
         """Returns whether this robot's last plan is obsolete: not the newest, impossible to adopt, or completed."""
         plan = self._own.plan
-        if plan is None or plan.id < self._own.ready or plan.paths.keys() != {report.robot for report in reports}:
+        if (
+            plan is None
+            or plan.id < self._own.ready
+            or plan.paths.keys() != {report.robot for report in reports}
+        ):
             return True
         if any(one.ready == plan.id and not is_ready(one, plan) for one in reports):
             return True
-        driven = all(one.adopted == plan.id and one.reached == len(plan.paths[one.robot]) - 1 for one in reports)
+        driven = all(
+            one.adopted == plan.id and one.reached == len(plan.paths[one.robot]) - 1
+            for one in reports
+        )
         missing = any(
-            one.goal not in (-1, one.stop) or not set(ground_wanted(one)) <= set(plan.regions.get(one.robot, ()))
+            one.goal not in (-1, one.stop)
+            or not set(ground_wanted(one)) <= set(plan.regions.get(one.robot, ()))
             for one in reports
         )
         return driven and missing and now - self._made_at > self._config.lease
@@ -342,10 +398,16 @@ class Coordinator:
         """Takes the next places of the path, unless another robot has to pass first or an outsider holds them."""
         path = self._plan.paths.get(self._own.robot, ())
         held = held_outside(self._plan, fresh)
-        while self._taken + 1 < len(path) and len(self._track) <= self._config.horizon and not self._own.out:
+        while (
+            self._taken + 1 < len(path)
+            and len(self._track) <= self._config.horizon
+            and not self._own.out
+        ):
             index = self._taken + 1
             waits = self._waits(index)
-            if path[index] in held or not all(self._has_left(*wait[2:], path[index]) for wait in waits):
+            if path[index] in held or not all(
+                self._has_left(*wait[2:], path[index]) for wait in waits
+            ):
                 return
             way = self._roadmap.places[path[index - 1]], self._roadmap.places[path[index]]
             if not self._is_way_free(*way):
@@ -355,11 +417,15 @@ class Coordinator:
             self._publish_held()
 
     def _waits(self, step: int) -> list[Wait]:
-        return [wait for wait in self._plan.waits if wait.robot == self._own.robot and wait.step == step]
+        return [
+            wait for wait in self._plan.waits if wait.robot == self._own.robot and wait.step == step
+        ]
 
     def _has_left(self, name: str, index: int, place: int) -> bool:
         other = self._neighbours.reports[name]
-        return other.adopted == self._plan.id and (other.reached >= index or (index == 0 and place not in other.held))
+        return other.adopted == self._plan.id and (
+            other.reached >= index or (index == 0 and place not in other.held)
+        )
 
     def _leave(self, fresh: dict[str, Report]) -> None:
         """Leaves the roadmap for the waypoint, once the goal is reached, if the plan grants the surrounding places.
@@ -374,7 +440,9 @@ class Coordinator:
             self.finished = True
             return
         others = [self._neighbours.reports[name] for name in plan.paths if name != own.robot]
-        free = all(other.adopted == plan.id and not comes_by(other, plan, own.region) for other in others)
+        free = all(
+            other.adopted == plan.id and not comes_by(other, plan, own.region) for other in others
+        )
         free = free and held_outside(self._plan, fresh).isdisjoint(own.region)
         if free and set(own.region) <= set(plan.regions.get(own.robot, ())):
             self._visited, self._aside = self._waypoint, own.region
@@ -386,7 +454,9 @@ class Coordinator:
         if not self._own.out:
             return
         if self._visited == self._waypoint and self._visited is not None:
-            self.route = [self._visited] if self._is_way_free(self._own.position, self._visited) else []
+            self.route = (
+                [self._visited] if self._is_way_free(self._own.position, self._visited) else []
+            )
             self.finished = self.finished or self._is_near(self._visited)
         else:
             back = self._place(0)

@@ -63,7 +63,9 @@ class Heard:
     report: Report
 
 
-Event = NewGoal | GoalCancelled | CancelRequested | MoveBaseTaken | StretchEnded | NewRoadmap | Heard
+Event = (
+    NewGoal | GoalCancelled | CancelRequested | MoveBaseTaken | StretchEnded | NewRoadmap | Heard
+)
 
 
 @dataclass(frozen=True)

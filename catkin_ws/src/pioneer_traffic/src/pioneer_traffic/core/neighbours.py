@@ -27,7 +27,9 @@ class Neighbours:
         self._signature = roadmap.signature
         self.reports: dict[str, Report] = {}  #: the newest one of each robot that is not forgotten
         self._heard_at: dict[str, float] = {}
-        self._standing: dict[str, Point] = {}  # by robot, the position at which it counts as an obstacle
+        self._standing: dict[
+            str, Point
+        ] = {}  # by robot, the position at which it counts as an obstacle
 
     def receive(self, report: Report, now: float) -> None:
         """Stores a report; a robot with a different roadmap becomes an obstacle."""
@@ -40,7 +42,11 @@ class Neighbours:
     def fresh(self, now: float) -> dict[str, Report]:
         """Returns the reports of the robots that are not lost."""
         lease = self._config.lease
-        return {name: report for name, report in self.reports.items() if now - self._heard_at[name] <= lease}
+        return {
+            name: report
+            for name, report in self.reports.items()
+            if now - self._heard_at[name] <= lease
+        }
 
     def restart_clock(self) -> None:
         """Counts all robots as lost, because the clock jumped back; they have to be heard again."""
@@ -74,7 +80,11 @@ class Neighbours:
     def obstruction(self, plan: Plan) -> str:
         """Returns what blocks the way of a robot that waits for no other by the plan."""
         aside = sorted(set(self.reports) - set(plan.paths))
-        return f"no way leads past {', '.join(aside)}" if aside else "the right of way found no way to the goal"
+        return (
+            f"no way leads past {', '.join(aside)}"
+            if aside
+            else "the right of way found no way to the goal"
+        )
 
     def exclusion(self) -> str:
         """Returns why a robot is in no plan."""
@@ -123,7 +133,12 @@ def hear_one_another(plan: Plan, own: str, fresh: dict[str, Report]) -> bool:
 
 def held_outside(plan: Plan, fresh: dict[str, Report]) -> set[int]:
     """Returns the places held by robots outside a plan."""
-    return {place for report in fresh.values() if report.robot not in plan.paths for place in report.held}
+    return {
+        place
+        for report in fresh.values()
+        if report.robot not in plan.paths
+        for place in report.held
+    }
 
 
 def ground_wanted(report: Report) -> tuple[int, ...]:
@@ -138,7 +153,9 @@ def _needs_room(report: Report, plan: Plan, held: Collection[int]) -> bool:
     if report.goal < 0:
         return False
     return (
-        plan.paths[report.robot][-1] != report.goal or comes_by(report, plan, held) or bool({*report.region} & {*held})
+        plan.paths[report.robot][-1] != report.goal
+        or comes_by(report, plan, held)
+        or bool({*report.region} & {*held})
     )
 
 

@@ -35,7 +35,9 @@ class _Node:
     constraints: deque[tuple[tuple[int, int], ...]] = field(default_factory=lambda: deque([()]))
 
 
-def solve(problem: Problem, order: Sequence[int], seed: int, most: int) -> list[Configuration] | None:
+def solve(
+    problem: Problem, order: Sequence[int], seed: int, most: int
+) -> list[Configuration] | None:
     """Returns the configurations from the starts to one with all robots at their goals; None after ``most`` tries.
 
     ``order`` lists the robots by descending priority. The same seed gives the same result.
@@ -49,7 +51,9 @@ def solve(problem: Problem, order: Sequence[int], seed: int, most: int) -> list[
         if not stack:
             return None
         node = stack[-1]
-        if all(goal in (None, place) for goal, place in zip(problem.goals, node.places, strict=True)):
+        if all(
+            goal in (None, place) for goal, place in zip(problem.goals, node.places, strict=True)
+        ):
             return _back_from(node)
         if not node.constraints:
             stack.pop()
@@ -65,16 +69,22 @@ def solve(problem: Problem, order: Sequence[int], seed: int, most: int) -> list[
     return None
 
 
-def _node(problem: Problem, places: Configuration, parent: _Node | None, before: tuple[float, ...]) -> _Node:
+def _node(
+    problem: Problem, places: Configuration, parent: _Node | None, before: tuple[float, ...]
+) -> _Node:
     """Returns a search node; a robot's priority rises with each step until it is at its goal."""
     waited = tuple(
         value % 1.0 if goal in (None, place) else value + 1.0
         for value, goal, place in zip(before, problem.goals, places, strict=True)
     )
-    return _Node(places, parent, waited, sorted(range(len(places)), key=lambda robot: -waited[robot]))
+    return _Node(
+        places, parent, waited, sorted(range(len(places)), key=lambda robot: -waited[robot])
+    )
 
 
-def _refine(problem: Problem, node: _Node, constraint: tuple[tuple[int, int], ...], generator: random.Random) -> None:
+def _refine(
+    problem: Problem, node: _Node, constraint: tuple[tuple[int, int], ...], generator: random.Random
+) -> None:
     """Queues the constraints that fix the step of one more robot."""
     if len(constraint) == len(node.places):
         return
@@ -137,7 +147,9 @@ class _Step:
         here, distance = self._now[robot], self._distances[robot]
         occupant, chance = self._occupant, self._generator.random
         choices = [*self._graph[here], here]
-        choices.sort(key=lambda place: (distance[place], place in occupant and place != here, chance()))
+        choices.sort(
+            key=lambda place: (distance[place], place in occupant and place != here, chance())
+        )
         partner = self._swap_partner(robot, choices)
         if partner is not None:
             choices.reverse()
@@ -149,9 +161,19 @@ class _Step:
                 self._drop(robot, place)
                 continue
             other = self._occupant.get(place)
-            if other is not None and other != robot and self._next[other] is None and not self._move(other):
+            if (
+                other is not None
+                and other != robot
+                and self._next[other] is None
+                and not self._move(other)
+            ):
                 continue
-            if rank == 0 and partner is not None and self._next[partner] is None and here not in self._claimant:
+            if (
+                rank == 0
+                and partner is not None
+                and self._next[partner] is None
+                and here not in self._claimant
+            ):
                 self._claim(partner, here)
             return True
         self._claim(robot, here)
@@ -167,7 +189,11 @@ class _Step:
         if ahead == here:
             return None
         other = self._occupant.get(ahead)
-        if other is not None and self._next[other] is None and self._must_swap(robot, other, here, ahead):
+        if (
+            other is not None
+            and self._next[other] is None
+            and self._must_swap(robot, other, here, ahead)
+        ):
             return other if self._can_swap(ahead, here) else None
         # Another robot has to pass, and this one makes room by moving ahead.
         for place in self._graph[here]:

@@ -149,7 +149,9 @@ class Pilot:
                 if self._concerns(event, inputs):
                     self._stop(event.reason)
             case MoveBaseTaken(node):
-                self._stretch = None  # it is not to be cancelled: the other node's goal has replaced it
+                self._stretch = (
+                    None  # it is not to be cancelled: the other node's goal has replaced it
+                )
                 self._stop(f"{node} sent move_base a goal")
             case StretchEnded():
                 self._end_stretch(event, inputs, now)
@@ -179,7 +181,9 @@ class Pilot:
             return True
         if self._coordinator.set_waypoint(goal.point, min(goal.since, inputs.stamp)):
             return True
-        self._abort(f"({goal.point[0]:.2f}, {goal.point[1]:.2f}) is in a wall, or no place of the roadmap is near")
+        self._abort(
+            f"({goal.point[0]:.2f}, {goal.point[1]:.2f}) is in a wall, or no place of the roadmap is near"
+        )
         return False
 
     def _use_roadmap(self, roadmap: Roadmap, inputs: Inputs) -> None:
@@ -246,7 +250,11 @@ class Pilot:
         self._failures += 1
         place = f"({stretch.stop[0]:.2f}, {stretch.stop[1]:.2f})"
         short = event.outcome is Outcome.REACHED
-        reason = f"ended its way to {place} elsewhere" if short else f"gave up the way to {place}: {event.text}"
+        reason = (
+            f"ended its way to {place} elsewhere"
+            if short
+            else f"gave up the way to {place}: {event.text}"
+        )
         if self._goal is not None and self._failures > self._config.retries:
             self._abort(f"move_base {reason}")
             return
@@ -311,7 +319,11 @@ class Pilot:
     def _has_stop(self, stop: Point, final: bool, position: Point, now: float) -> bool:
         """Returns whether move_base has this stop, has driven to it, or gave it up a moment ago."""
         stretch = self._stretch
-        if stretch is None or math.dist(stop, stretch.stop) >= _SAME or (final and not stretch.final):
+        if (
+            stretch is None
+            or math.dist(stop, stretch.stop) >= _SAME
+            or (final and not stretch.final)
+        ):
             return False
         is_there = stretch.reached and math.dist(position, stop) <= self._config.stray
         return stretch.active or is_there or (not stretch.reached and now < stretch.retry_at)
@@ -347,4 +359,6 @@ class Pilot:
         return self._coordinator.obstruction()
 
     def _is_at(self, point: Point, inputs: Inputs) -> bool:
-        return inputs.position is not None and math.dist(inputs.position, point) <= self._config.reach
+        return (
+            inputs.position is not None and math.dist(inputs.position, point) <= self._config.reach
+        )

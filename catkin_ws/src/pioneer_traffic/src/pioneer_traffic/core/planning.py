@@ -19,7 +19,9 @@ _TRIES, _MOST, _GOOD = 4, 500, 1.6
 """Searches with different priorities, configurations tried in each, and moves per needed move that are good enough."""
 
 
-def planned(roadmap: Roadmap, reports: Sequence[Report], barred: Collection[int], plan_id: PlanId) -> Plan:
+def planned(
+    roadmap: Roadmap, reports: Sequence[Report], barred: Collection[int], plan_id: PlanId
+) -> Plan:
     """Returns a plan for robots of which no two hold the same place.
 
     If not all can be at their goals at once, those that have waited longest go first, and the others make room.
@@ -31,7 +33,11 @@ def planned(roadmap: Roadmap, reports: Sequence[Report], barred: Collection[int]
         plan_id: id of the new plan; its number seeds the search.
     """
     ordered = sorted(reports, key=lambda report: (report.goal < 0, report.since, report.robot))
-    asked = {report.robot: report for report in ordered if report.out or (report.has_arrived and report.region)}
+    asked = {
+        report.robot: report
+        for report in ordered
+        if report.out or (report.has_arrived and report.region)
+    }
     vacated = set[int]()
     while True:
         regions = _granted(asked.values(), barred)
@@ -51,13 +57,17 @@ def planned(roadmap: Roadmap, reports: Sequence[Report], barred: Collection[int]
     }
     outside, inside = _by_side(ordered, regions, closed)
     taken = closed.union(reachable[one.robot] for one in outside if one.robot in reachable)
-    room = _room_for(graph, [one for one in outside if one.robot not in reachable] + inside, taken, reachable)
+    room = _room_for(
+        graph, [one for one in outside if one.robot not in reachable] + inside, taken, reachable
+    )
     for one in inside:
         # It stands in another robot's region, and may not reach its own goal now.
         robot = ordered.index(one)
         targets[robot] = room.get(one.robot, one.stop)
         distances[robot] = _distances(graph, targets[robot])
-    tracks = _search(graph, tuple(report.stop for report in ordered), targets, distances, plan_id.number)
+    tracks = _search(
+        graph, tuple(report.stop for report in ordered), targets, distances, plan_id.number
+    )
     visits = [list(_visits(places)) for places in tracks]
     names = [report.robot for report in ordered]
     return Plan(
@@ -70,7 +80,10 @@ def planned(roadmap: Roadmap, reports: Sequence[Report], barred: Collection[int]
 
 
 def _open_graph(
-    roadmap: Roadmap, ordered: Sequence[Report], regions: dict[str, frozenset[int]], barred: Collection[int]
+    roadmap: Roadmap,
+    ordered: Sequence[Report],
+    regions: dict[str, frozenset[int]],
+    barred: Collection[int],
 ) -> tuple[list[list[int]], frozenset[int]]:
     """Returns the graph that is open while ``regions`` are granted, and the places that no robot may enter."""
     stops = {report.stop for report in ordered if report.robot in regions}
@@ -79,7 +92,9 @@ def _open_graph(
     # (``Coordinator``).
     used = stops.union(barred, *(regions[report.robot] for report in ordered if report.out))
     graph = [
-        [] if place in stops else [other for other in near if other not in (used if place in closed else closed)]
+        []
+        if place in stops
+        else [other for other in near if other not in (used if place in closed else closed)]
         for place, near in enumerate(roadmap.neighbours)
     ]
     return graph, frozenset(closed)
@@ -97,7 +112,10 @@ def _granted(asked: Collection[Report], barred: Collection[int]) -> dict[str, fr
 
 
 def _shutting_in(
-    graph: Graph, closed: Collection[int], ordered: Sequence[Report], regions: dict[str, frozenset[int]]
+    graph: Graph,
+    closed: Collection[int],
+    ordered: Sequence[Report],
+    regions: dict[str, frozenset[int]],
 ) -> list[str]:
     """Returns the region owners, still on the roadmap, in whose region another robot stands that has nowhere to go."""
     owners = [report for report in ordered if report.robot in regions and not report.out]
@@ -116,7 +134,9 @@ def _by_side(
     return outside, [report for report in others if report.stop in closed]
 
 
-def _room_for(graph: Graph, robots: Sequence[Report], taken: Collection[int], wanted: dict[str, int]) -> dict[str, int]:
+def _room_for(
+    graph: Graph, robots: Sequence[Report], taken: Collection[int], wanted: dict[str, int]
+) -> dict[str, int]:
     """Returns a different place for each robot: the wanted one or one nearby; leaves out robots without room.
 
     A robot gives its place to another if it can reach one further away (maximum matching, Kuhn 1955).
@@ -164,7 +184,11 @@ def _targets(
 def _pocket(roadmap: Roadmap, report: Report) -> set[int]:
     """Returns the places that are cut off while the robot uses its goal and the region around it."""
     inside = {place for place in report.region if 0 <= place < len(roadmap.places)}
-    outside = [place for place in inside if not inside.issuperset({*roadmap.neighbours[place]} - {report.goal})]
+    outside = [
+        place
+        for place in inside
+        if not inside.issuperset({*roadmap.neighbours[place]} - {report.goal})
+    ]
     while outside:
         place = outside.pop()
         inside.discard(place)
@@ -197,16 +221,27 @@ def _distances(graph: Graph, goal: int) -> list[int]:
 
 
 def _search(
-    graph: Graph, starts: Configuration, targets: Sequence[int], distances: Sequence[Sequence[int]], seed: int
+    graph: Graph,
+    starts: Configuration,
+    targets: Sequence[int],
+    distances: Sequence[Sequence[int]],
+    seed: int,
 ) -> list[list[int]]:
     """Returns each robot's place by step; leads as many robots to their targets as pays off, oldest first.
 
     A plan is better the fewer steps all robots take per step that the led robots need. If not even the oldest can be
     led, adds robots one by one, each only while those before it can still be led.
     """
-    reachable = [distance[start] < len(graph) for start, distance in zip(starts, distances, strict=True)]
-    waiting = [robot for robot, start in enumerate(starts) if reachable[robot] and targets[robot] != start]
-    guides = [distance if fine else [0] * len(graph) for distance, fine in zip(distances, reachable, strict=True)]
+    reachable = [
+        distance[start] < len(graph) for start, distance in zip(starts, distances, strict=True)
+    ]
+    waiting = [
+        robot for robot, start in enumerate(starts) if reachable[robot] and targets[robot] != start
+    ]
+    guides = [
+        distance if fine else [0] * len(graph)
+        for distance, fine in zip(distances, reachable, strict=True)
+    ]
 
     def led_by(led: Sequence[int], attempt: int) -> list[list[int]] | None:
         goals = [target if robot in led else None for robot, target in enumerate(targets)]
@@ -242,7 +277,12 @@ def _search(
 
 
 def _led_past(
-    graph: Graph, starts: Configuration, targets: Sequence[int], guides: Sequence[Sequence[int]], led: int, seed: int
+    graph: Graph,
+    starts: Configuration,
+    targets: Sequence[int],
+    guides: Sequence[Sequence[int]],
+    led: int,
+    seed: int,
 ) -> list[list[int]] | None:
     """Returns each robot's place by step; one robot is led to its target after one in its way has moved aside.
 
@@ -255,7 +295,9 @@ def _led_past(
         if place in occupant:
             ahead.append(occupant[place])
     for robot in generator.choices(ahead, k=_TRIES) if ahead else ():
-        free = [place for place in _around(graph, starts[robot]) if place not in {*starts, *targets}]
+        free = [
+            place for place in _around(graph, starts[robot]) if place not in {*starts, *targets}
+        ]
         if not free:
             continue
         aside = generator.choice(free[: 2 * len(starts)])
@@ -293,7 +335,9 @@ def _visits(places: Sequence[int]) -> Iterator[tuple[int, int]]:
             yield step, place
 
 
-def _waits(ordered: Sequence[Report], visits: Sequence[Sequence[tuple[int, int]]]) -> Iterator[Wait]:
+def _waits(
+    ordered: Sequence[Report], visits: Sequence[Sequence[tuple[int, int]]]
+) -> Iterator[Wait]:
     """Yields, for each visit of a place, which robot must have left it before."""
     by_place: dict[int, list[tuple[int, int, int]]] = {}
     for robot, own in enumerate(visits):

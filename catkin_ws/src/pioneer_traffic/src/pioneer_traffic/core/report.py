@@ -32,7 +32,9 @@ class Plan:
     id: PlanId = field(default_factory=PlanId)
     #: by robot, the places it held when the plan was made
     held: dict[str, tuple[int, ...]] = field(default_factory=dict)
-    paths: dict[str, tuple[int, ...]] = field(default_factory=dict)  #: by robot, places from the last one held
+    paths: dict[str, tuple[int, ...]] = field(
+        default_factory=dict
+    )  #: by robot, places from the last one held
     #: by robot, the places around its own that it alone may use, to leave the roadmap
     regions: dict[str, tuple[int, ...]] = field(default_factory=dict)
     waits: tuple[Wait, ...] = ()  #: order of passing, binding for all robots
@@ -49,10 +51,14 @@ class Report:
     held: tuple[int, ...] = ()
     goal: int = -1  #: place that it wants to reach; -1 for none
     since: float = 0.0  #: time at which it got the goal [s]; the longest wait has priority
-    region: tuple[int, ...] = ()  #: places around its goal that must be free when it leaves the roadmap there
+    region: tuple[
+        int, ...
+    ] = ()  #: places around its goal that must be free when it leaves the roadmap there
     out: bool = False  #: whether it is off the roadmap, in its region; until it is back at its stop
     adopted: PlanId = NO_PLAN  #: the plan that it follows
-    reached: int = -1  #: index of the last place reached on its path in that plan; -1 before the first
+    reached: int = (
+        -1
+    )  #: index of the last place reached on its path in that plan; -1 before the first
     ready: PlanId = NO_PLAN  #: the newest plan it knows; it takes no further place until it has adopted that plan
     heard: tuple[str, ...] = ()  #: robots heard recently
     plan: Plan | None = None  #: the newest plan that it made itself

@@ -45,7 +45,9 @@ class RoadmapConfig:
     turning_radius: float = 0.41
     #: minimum free radius around a place, for turning; preferred clearance of a way
     driving_radius: float = 0.37
-    passing_radius: float = 0.28  #: minimum clearance of a way: half the width of the narrowest passage to use
+    passing_radius: float = (
+        0.28  #: minimum clearance of a way: half the width of the narrowest passage to use
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +63,9 @@ class FreeSpace:
     yaw: float = 0.0
 
     @classmethod
-    def of(cls, free: NDArray[np.bool_], resolution: float, corner: Point, yaw: float = 0.0) -> "FreeSpace":
+    def of(
+        cls, free: NDArray[np.bool_], resolution: float, corner: Point, yaw: float = 0.0
+    ) -> "FreeSpace":
         """Returns the free space of a map; everything outside counts as wall."""
         padded = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
         room = (np.maximum(padded - _HALF_CELL, 0.0) * resolution).astype(np.float32)
@@ -156,14 +160,21 @@ class Roadmap:
         the ways that hold no patch in common are a clearance apart.
         """
         least, reach = self.config.clearance, math.dist(start, end) + 2.5 * self.config.spacing
-        about = [one for one, at in enumerate(self.places) if one != place and math.dist(at, start) < reach]
+        about = [
+            one
+            for one, at in enumerate(self.places)
+            if one != place and math.dist(at, start) < reach
+        ]
         distance = {one: distance_to_segment(self.places[one], start, end) for one in about}
         found = {one for one in about if distance[one] < least}
         for one in about:
             for other in self.neighbours[one]:
                 if other < one or other == place or {one, other} & found:
                     continue
-                if distance_between_segments((self.places[one], self.places[other]), (start, end)) < least:
+                if (
+                    distance_between_segments((self.places[one], self.places[other]), (start, end))
+                    < least
+                ):
                     found.add(min(one, other, key=lambda end: distance.get(end, math.inf)))
         return frozenset(found | self._patches(start, end))
 
@@ -171,7 +182,10 @@ class Roadmap:
         """Returns the numbers of the patches within half the clearance of a straight way."""
         radius = 0.5 * self.config.clearance + _PATCH * math.sqrt(0.5)
         cols, rows = (
-            range(math.floor((min(pair) - radius) / _PATCH), math.ceil((max(pair) + radius) / _PATCH) + 1)
+            range(
+                math.floor((min(pair) - radius) / _PATCH),
+                math.ceil((max(pair) + radius) / _PATCH) + 1,
+            )
             for pair in zip(start, end, strict=True)
         )
         return {
@@ -251,14 +265,20 @@ class _Growth:
         self._buckets: dict[tuple[int, int], list[Point]] = {}
         angles = np.arange(72) * (math.tau / 72)
         ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        self._ring = np.concatenate([ring * config.spacing * factor for factor in (1.0, 1.08, 1.16)])
+        self._ring = np.concatenate(
+            [ring * config.spacing * factor for factor in (1.0, 1.08, 1.16)]
+        )
         self._lattice = self._ring[:72:12] * 1.0001
 
     def grow(self) -> None:
         """Fills the largest part of the free space, beginning in the middle of its narrowest passage."""
-        room = np.where(_largest_part(self._space, self._config.passing_radius), self._space.room, 0.0)
+        room = np.where(
+            _largest_part(self._space, self._config.passing_radius), self._space.room, 0.0
+        )
         side = 2 * math.ceil(0.5 * self._config.spacing / self._space.resolution) + 1
-        middles = (room == ndimage.maximum_filter(room, side)) & (room >= self._config.driving_radius)
+        middles = (room == ndimage.maximum_filter(room, side)) & (
+            room >= self._config.driving_radius
+        )
         if not middles.any():
             return
         row, col = np.unravel_index(int(np.argmin(np.where(middles, room, np.inf))), room.shape)
@@ -277,7 +297,9 @@ class _Growth:
             self._extend(self.places[done[tier]], *tiers[tier])
             done[tier] += 1
 
-    def _extend(self, origin: Point, offsets: NDArray[np.float64], radius: float, way_radius: float) -> None:
+    def _extend(
+        self, origin: Point, offsets: NDArray[np.float64], radius: float, way_radius: float
+    ) -> None:
         """Adds the places around ``origin`` that fit, with at least these radii free around the place and its way.
 
         Those with just enough room come first: the middle of a narrow passage, not the mouth of a bay beside it.
@@ -292,7 +314,9 @@ class _Growth:
                 self._add(point)
 
     def _bucket(self, point: Point) -> tuple[int, int]:
-        return math.floor(point[0] / self._config.spacing), math.floor(point[1] / self._config.spacing)
+        return math.floor(point[0] / self._config.spacing), math.floor(
+            point[1] / self._config.spacing
+        )
 
     def _add(self, point: Point) -> None:
         self.places.append(point)
@@ -333,17 +357,26 @@ def _ways(places: list[Point], space: FreeSpace, config: RoadmapConfig) -> list[
     )
     for radius in (config.driving_radius, config.passing_radius):
         for _, one, other in pairs:
-            if other in found[one] or not _is_apart(one, other, places, near[one], found, config.clearance):
+            if other in found[one] or not _is_apart(
+                one, other, places, near[one], found, config.clearance
+            ):
                 continue
             tight = radius < config.driving_radius
-            if space.sees(places[one], places[other], radius) and not (tight and _are_joined(found, one, other)):
+            if space.sees(places[one], places[other], radius) and not (
+                tight and _are_joined(found, one, other)
+            ):
                 found[one].append(other)
                 found[other].append(one)
     return [sorted(neighbours) for neighbours in found]
 
 
 def _is_apart(
-    one: int, other: int, places: list[Point], near: list[int], ways: list[list[int]], clearance: float
+    one: int,
+    other: int,
+    places: list[Point],
+    near: list[int],
+    ways: list[list[int]],
+    clearance: float,
 ) -> bool:
     """Returns whether a way between two places keeps clear of all other places and the ways between them."""
     way = places[one], places[other]
@@ -351,7 +384,9 @@ def _is_apart(
     if any(distance_to_segment(places[place], *way) < clearance for place in others):
         return False
     segments = ((a, b) for a in others for b in ways[a] if a < b and b not in (one, other))
-    return all(distance_between_segments((places[a], places[b]), way) >= clearance for a, b in segments)
+    return all(
+        distance_between_segments((places[a], places[b]), way) >= clearance for a, b in segments
+    )
 
 
 def _are_joined(ways: list[list[int]], one: int, other: int) -> bool:

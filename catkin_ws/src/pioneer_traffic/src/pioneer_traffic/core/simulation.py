@@ -70,7 +70,9 @@ class Outcome:
     reached: int  #: waypoints reached by all robots
     asked: int  #: waypoints given
     contacts: int  #: pairs of robots that touched, plus robots that touched a wall
-    finished: tuple[float, ...]  #: time at which each robot reached its last waypoint [s]; inf if it did not
+    finished: tuple[
+        float, ...
+    ]  #: time at which each robot reached its last waypoint [s]; inf if it did not
     gap: float  #: least distance between two footprints [m]
     shared: bool  #: whether two robots ever held the same place
 
@@ -100,7 +102,9 @@ class Trial:
         self._random, self._loss = random.Random(seed), loss
         names = [f"robot{number:02}" for number in range(len(starts))]
         self.bodies = [Body(x, y, self._random.uniform(-math.pi, math.pi)) for x, y in starts]
-        self.coordinators = [Coordinator(name, roadmap, CoordinatorConfig(reach=_REACH), names) for name in names]
+        self.coordinators = [
+            Coordinator(name, roadmap, CoordinatorConfig(reach=_REACH), names) for name in names
+        ]
         self.present = [True] * len(starts)
         self.time, self.gap, self.shared = 0.0, math.inf, False
         self._steps = 0
@@ -115,7 +119,14 @@ class Trial:
         while self.time < limit and math.inf in self._finished:
             self.step()
         asked = sum(len(tour) for tour in self._tours)
-        return Outcome(sum(self._reached), asked, len(self._touching), tuple(self._finished), self.gap, self.shared)
+        return Outcome(
+            sum(self._reached),
+            asked,
+            len(self._touching),
+            tuple(self._finished),
+            self.gap,
+            self.shared,
+        )
 
     def carry(self, index: int, point: Point) -> None:
         """Puts a robot elsewhere, as if somebody carried it."""
@@ -127,7 +138,9 @@ class Trial:
         """Advances by one time step; robots send their reports in turn, not all at once."""
         self._steps += 1
         self.time = self._steps * STEP
-        for index, (body, coordinator) in enumerate(zip(self.bodies, self.coordinators, strict=True)):
+        for index, (body, coordinator) in enumerate(
+            zip(self.bodies, self.coordinators, strict=True)
+        ):
             if not self.present[index]:
                 continue
             if (self._steps + index) % TICK == 0:
@@ -141,7 +154,11 @@ class Trial:
         for other, receiver in enumerate(self.coordinators):
             if other != index and self.present[other] and self._random.random() >= self._loss:
                 receiver.receive(report, self.time)
-        held = [set(self.coordinators[one].report.held) for one in range(len(self.bodies)) if one != index]
+        held = [
+            set(self.coordinators[one].report.held)
+            for one in range(len(self.bodies))
+            if one != index
+        ]
         moving = report.adopted.number > 0
         self.shared |= moving and any(set(report.held) & places for places in held)
         if coordinator.finished:
@@ -161,16 +178,25 @@ class Trial:
         corners, axes = _footprints(self.bodies)
         if self._space is not None:
             sides = np.roll(corners, -1, axis=1) - corners
-            outlines = corners[:, :, None] + np.linspace(0.0, 1.0, 4, endpoint=False)[:, None] * sides[:, :, None]
+            outlines = (
+                corners[:, :, None]
+                + np.linspace(0.0, 1.0, 4, endpoint=False)[:, None] * sides[:, :, None]
+            )
             rooms = self._space.room_at(outlines.reshape(-1, 2)).reshape(len(corners), -1)
-            self._touching.update((robot, robot) for robot in np.flatnonzero((rooms <= 0.0).any(axis=1)).tolist())
+            self._touching.update(
+                (robot, robot) for robot in np.flatnonzero((rooms <= 0.0).any(axis=1)).tolist()
+            )
         one, other = np.triu_indices(len(corners), 1)
         near = np.hypot(*(corners[one] - corners[other]).mean(axis=1).T) < _NEAR
         if near.any():
             one, other = one[near], other[near]
-            gaps = _gaps(corners[one], corners[other], np.concatenate([axes[one], axes[other]], axis=1))
+            gaps = _gaps(
+                corners[one], corners[other], np.concatenate([axes[one], axes[other]], axis=1)
+            )
             self.gap = min(self.gap, float(gaps.min()))
-            self._touching.update(zip(one[gaps <= 0.0].tolist(), other[gaps <= 0.0].tolist(), strict=True))
+            self._touching.update(
+                zip(one[gaps <= 0.0].tolist(), other[gaps <= 0.0].tolist(), strict=True)
+            )
 
 
 def _footprints(bodies: Sequence[Body]) -> tuple[Points, Points]:

@@ -104,15 +104,21 @@ class CoordinatorNode:
         self._reporting: set[str] = set()
         self._stepped_at = -math.inf
         self._target: PoseStamped | None = None
-        self._publisher = rospy.Publisher("/traffic/reports", ReportMessage, queue_size=5, tcp_nodelay=True)
+        self._publisher = rospy.Publisher(
+            "/traffic/reports", ReportMessage, queue_size=5, tcp_nodelay=True
+        )
         handle = RospyHandle()
         self._name = handle.name
         self._move_base = MoveBase(handle, "move_base", self._on_stretch_end)
         handle.subscribe("move_base/cancel", GoalID, self._on_move_base_cancel)
         handle.subscribe("move_base/goal", MoveBaseActionGoal, self._on_move_base_goal)
-        self._server = GoalServer(handle, self._listener, self._on_goal, self._wake.set, self._on_cancel)
+        self._server = GoalServer(
+            handle, self._listener, self._on_goal, self._wake.set, self._on_cancel
+        )
         rospy.Subscriber("/map", GridMessage, self._on_map, queue_size=1)
-        rospy.Subscriber("/traffic/reports", ReportMessage, self._events.put, queue_size=100, tcp_nodelay=True)
+        rospy.Subscriber(
+            "/traffic/reports", ReportMessage, self._events.put, queue_size=100, tcp_nodelay=True
+        )
 
     def _on_stretch_end(self, serial: int, outcome: Outcome, text: str) -> None:
         self._events.put(StretchEnded(serial, outcome, text))
@@ -187,7 +193,11 @@ class CoordinatorNode:
             self._lost.warn(f"waiting for the transform from {self._base} to map")
         else:
             self._lost.end()
-        silent = (self._position(f"{name}/base_link") for name in self._fleet if name not in self._reporting)
+        silent = (
+            self._position(f"{name}/base_link")
+            for name in self._fleet
+            if name not in self._reporting
+        )
         inputs = Inputs(
             position=position,
             stamp=rospy.get_time(),
@@ -207,7 +217,11 @@ class CoordinatorNode:
                     events.extend(self._accepted())
                 case NewRoadmap(roadmap):
                     self._roadmap = roadmap
-                    rospy.loginfo("roadmap of %d places, signature %08x", len(roadmap.places), roadmap.signature)
+                    rospy.loginfo(
+                        "roadmap of %d places, signature %08x",
+                        len(roadmap.places),
+                        roadmap.signature,
+                    )
                     events.append(item)
                 case ReportMessage():
                     events.extend(self._heard(item))

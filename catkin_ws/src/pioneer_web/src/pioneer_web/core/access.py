@@ -40,7 +40,9 @@ class Access:
     def role_of_token(self, token: str) -> Role | None:
         """Returns the role of a token, None if it is unknown; in constant time."""
         given = token.encode()
-        found = [role for role, one in self._tokens.items() if hmac.compare_digest(one.encode(), given)]
+        found = [
+            role for role, one in self._tokens.items() if hmac.compare_digest(one.encode(), given)
+        ]
         return max(found, default=None)
 
     def login(self, token: str, now: float) -> str | None:
@@ -76,4 +78,6 @@ def same_origin(origin: str, host: str, encrypted: bool) -> bool:
     if not origin:
         return True
     parts = urlsplit(origin)
-    return parts.scheme == ("https" if encrypted else "http") and parts.netloc.lower() == host.lower()
+    return (
+        parts.scheme == ("https" if encrypted else "http") and parts.netloc.lower() == host.lower()
+    )

@@ -33,7 +33,9 @@ class Robot(RobotMonitor):
     gateway: str  #: the gateway of its computer
     correction: Pose | None = None  #: pose of its odometry frame in ``map``
     odometry: Pose | None = None  #: its pose in its odometry frame
-    mount: Pose = dataclasses.field(default_factory=lambda: Pose(0.0, 0.0))  #: pose of its laser on its base
+    mount: Pose = dataclasses.field(
+        default_factory=lambda: Pose(0.0, 0.0)
+    )  #: pose of its laser on its base
     #: first angle and angle step [rad], ranges [cm] with 0 for no return
     scan: tuple[float, float, list[int]] | None = None
     #: plan, local_plan: frame and points [m]
@@ -42,7 +44,9 @@ class Robot(RobotMonitor):
     costs: tuple[str, Image] | None = None  #: frame and image of the local costmap
     goals: Sequence[Pose] = ()  #: the current waypoint and those waiting, in ``map``
     battery: float | None = None  #: charge, 0 … 1
-    load: Sequence[float] | None = None  #: processors and memory [MiB] used by the programs on its computer
+    load: Sequence[float] | None = (
+        None  #: processors and memory [MiB] used by the programs on its computer
+    )
     held: bool = False  #: whether the dashboard holds it stopped
     patrols: bool = False  #: whether it repeats its waypoints
 
@@ -92,10 +96,21 @@ class Robot(RobotMonitor):
 
     def _row(self, fault: str, now: float) -> dict[str, Any]:
         shown = self.robot_json(now)
-        names = ("moving", "speed", "deviation", "waypoint", "waiting", "received", "reached", "aborted")
+        names = (
+            "moving",
+            "speed",
+            "deviation",
+            "waypoint",
+            "waiting",
+            "received",
+            "reached",
+            "aborted",
+        )
         return {
             **{name: shown[name] for name in names},
-            "state": self.queue.state.name.lower().replace("_", " ") if self.queue else "no waypoint client",
+            "state": self.queue.state.name.lower().replace("_", " ")
+            if self.queue
+            else "no waypoint client",
             "odom": _tenths(shown["odom_age"]),
             "scan": _tenths(shown["scan_age"]),
             "battery": self.battery,
@@ -121,14 +136,31 @@ class Robot(RobotMonitor):
         if self.costs is None or (pose := self._frame(self.costs[0])) is None:
             return None
         image = self.costs[1]
-        return {"at": _numbers(pose.compose(image.corner)), "size": [image.width, image.height], "png": image.png}
+        return {
+            "at": _numbers(pose.compose(image.corner)),
+            "size": [image.width, image.height],
+            "png": image.png,
+        }
 
     def _frame(self, frame: str) -> Pose | None:
         """Returns the pose of a frame in ``map``; None if unknown."""
-        return Pose(0.0, 0.0) if frame == "map" else self.correction if frame == f"{self.name}/odom" else None
+        return (
+            Pose(0.0, 0.0)
+            if frame == "map"
+            else self.correction
+            if frame == f"{self.name}/odom"
+            else None
+        )
 
 
-_FAULTS = ("no such gateway", "unreachable", "refused", "firewalled", "type mismatch", "blacklisted")
+_FAULTS = (
+    "no such gateway",
+    "unreachable",
+    "refused",
+    "firewalled",
+    "type mismatch",
+    "blacklisted",
+)
 """Rule states that will not clear by themselves when the robot's nodes start."""
 
 

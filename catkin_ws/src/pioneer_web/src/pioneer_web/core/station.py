@@ -40,7 +40,9 @@ class Station:
         #: robots: in the order of their computers
         self.robots: Sequence[Robot] = ()
         self.gateway = self.hub = ""
-        self.real_time_factor: float | None = None  #: real-time factor of the simulator, None without one
+        self.real_time_factor: float | None = (
+            None  #: real-time factor of the simulator, None without one
+        )
         self.recording = ""  #: recording file, empty while not recording
         #: position in and length of the replayed recording [s], None without one
         self.replay: list[float] | None = None
@@ -65,7 +67,9 @@ class Station:
 
     def set_rules(self, rules: Iterable[Mapping[str, str]]) -> None:
         """Records the gateway's rules, each with action, gateway, type, name, node, state and reason."""
-        self.rules = [{key: rule.get(key, "") for key in RULE} for rule in rules if rule.get("action")]
+        self.rules = [
+            {key: rule.get(key, "") for key in RULE} for rule in rules if rule.get("action")
+        ]
 
     def add_links(self, entries: Iterable[tuple[str, Mapping[str, str]]]) -> None:
         """Records the traffic on links from the gateway's diagnostics: name and values of each entry."""
@@ -75,13 +79,24 @@ class Station:
             other, _, topic = rest.partition(" ")
             if way in ("to", "from") and "throughput [byte/s]" in values:
                 flow = {key: _number(values.get(name, "")) for key, name in _FLOW.items()}
-                links = self.links.setdefault(other, {}) if len(self.links) < MOST_LINKS else self.links.get(other, {})
+                links = (
+                    self.links.setdefault(other, {})
+                    if len(self.links) < MOST_LINKS
+                    else self.links.get(other, {})
+                )
                 if len(links) < MOST_LINKS:
                     links[f"{way} {topic}"] = flow
 
     def add_log(self, stamp: float, level: int, computer: str, node: str, text: str) -> None:
         """Adds a log line of a robot's computer, or of the base station if the name is empty."""
-        line = [self._lines, round(stamp, 2), LEVELS.get(level, "info"), computer, node[:100], text[:500]]
+        line = [
+            self._lines,
+            round(stamp, 2),
+            LEVELS.get(level, "info"),
+            computer,
+            node[:100],
+            text[:500],
+        ]
         # Overwrite the oldest entry, so that only the new line is sent to pages.
         self._log[f"log.{self._lines % LINES}"] = line
         self._lines += 1

@@ -37,7 +37,9 @@ class Stream:
         try:
             return orjson.dumps(values, option=_OPTIONS)
         except orjson.JSONEncodeError:
-            return orjson.dumps({name: self._sound(name, value) for name, value in values.items()}, option=_OPTIONS)
+            return orjson.dumps(
+                {name: self._sound(name, value) for name, value in values.items()}, option=_OPTIONS
+            )
 
     def _sound(self, name: str, value: Any) -> Any:
         """Returns a value that can be encoded: this one, or None."""

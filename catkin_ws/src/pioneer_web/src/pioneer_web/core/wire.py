@@ -40,7 +40,9 @@ def message_frame(subscription: int, stamp: int, body: bytes) -> bytes:
 
 def response_frame(call: Call, body: bytes) -> bytes:
     """Returns a service response frame."""
-    return struct.pack("<BIII", 3, call.service, call.number, len(ENCODING)) + ENCODING.encode() + body
+    return (
+        struct.pack("<BIII", 3, call.service, call.number, len(ENCODING)) + ENCODING.encode() + body
+    )
 
 
 def frame_from_client(data: bytes) -> Message | Call:
@@ -84,7 +86,9 @@ def rows(fields: Mapping[str, Any], name: str, **kinds: type) -> list[dict[str, 
     if not isinstance(found, list) or len(found) > MOST:
         raise WireError(f"'{name}' must be a list of at most {MOST}")
     for one in found:
-        if not isinstance(one, dict) or not all(type(one.get(key)) is kind for key, kind in kinds.items()):
+        if not isinstance(one, dict) or not all(
+            type(one.get(key)) is kind for key, kind in kinds.items()
+        ):
             raise WireError(f"'{name}' must hold {', '.join(kinds)}")
     return found
 
@@ -96,6 +100,10 @@ def numbers(fields: Mapping[str, Any], name: str) -> list[int]:
         WireError: it is something else, or too long.
     """
     found = fields.get(name)
-    if not isinstance(found, list) or len(found) > MOST or not all(type(one) is int for one in found):
+    if (
+        not isinstance(found, list)
+        or len(found) > MOST
+        or not all(type(one) is int for one in found)
+    ):
         raise WireError(f"'{name}' must be a list of whole numbers")
     return found

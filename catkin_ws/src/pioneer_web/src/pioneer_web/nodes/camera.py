@@ -14,7 +14,9 @@ PATIENCE = 5.0
 def image_topics() -> list[str]:
     """Returns the camera image topics on this master."""
     try:
-        return sorted(topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/Image")
+        return sorted(
+            topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/Image"
+        )
     except (OSError, rospy.ROSException):
         return []
 
@@ -27,4 +29,6 @@ def next_image(topic: str) -> str:
         ValueError: the image encoding is not supported.
     """
     message = rospy.wait_for_message(topic, Image, PATIENCE)
-    return "data:image/jpeg;base64," + base64.b64encode(conversions.jpeg_from_image(message)).decode()
+    return (
+        "data:image/jpeg;base64," + base64.b64encode(conversions.jpeg_from_image(message)).decode()
+    )

@@ -139,7 +139,9 @@ class Commander:
                 raise CommandError(f"{name} cannot be reached: its gateway does not take waypoints")
             with self._replacing:
                 self._send(name, place, append)
-        return ", ".join(f"{name} to ({place.x:.2f}, {place.y:.2f})" for name, place in places.items())
+        return ", ".join(
+            f"{name} to ({place.x:.2f}, {place.y:.2f})" for name, place in places.items()
+        )
 
     def _patrol(self, robots: Sequence[str], on: bool) -> str:
         if not on:
@@ -155,7 +157,9 @@ class Commander:
             self._patrols[name] = Patrol(
                 name,
                 self._robots[name].goals,
-                lambda place, name=name: self._publish(name, "map_goal_pose", conversions.goal_from_pose(place)),
+                lambda place, name=name: self._publish(
+                    name, "map_goal_pose", conversions.goal_from_pose(place)
+                ),
                 lambda name=name: self._end_patrol(name),
             )
         return f"{', '.join(robots)} repeat their waypoints"
@@ -201,7 +205,9 @@ class Commander:
         for name, robot in self._robots.items():
             if robot.held and name not in self._guards:
                 topic = f"/{name}/pioneer/cmd_vel"
-                self._guards[name] = rospy.Subscriber(topic, Twist, self._on_command, name, queue_size=1)
+                self._guards[name] = rospy.Subscriber(
+                    topic, Twist, self._on_command, name, queue_size=1
+                )
             elif not robot.held and name in self._guards:
                 self._guards.pop(name).unregister()
 
@@ -227,7 +233,12 @@ class Commander:
         name = f"box_{next(self._boxes)}"
         pose = conversions.message_from_pose(Pose(x, y))
         pose.position.z = 0.3
-        fields = {"model_name": name, "model_xml": _BOX, "initial_pose": pose, "reference_frame": "world"}
+        fields = {
+            "model_name": name,
+            "model_xml": _BOX,
+            "initial_pose": pose,
+            "reference_frame": "world",
+        }
         answer = _call("/gazebo/spawn_sdf_model", SpawnModel, **fields)
         if not answer.success:
             raise CommandError(f"{name}: {answer.status_message}")

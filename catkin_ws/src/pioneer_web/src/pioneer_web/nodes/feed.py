@@ -112,16 +112,25 @@ class Feed:
             self._frames |= {f"{robot.name}/odom": robot for robot in robots}
 
     def _listen_to(self, robots: Sequence[Robot]) -> None:
-        scans = sorted(topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/LaserScan")
+        scans = sorted(
+            topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/LaserScan"
+        )
 
-        def each(topic: str, kind: Any, callback: Callable[[Robot, Any], None], beats: int = 1) -> None:
+        def each(
+            topic: str, kind: Any, callback: Callable[[Robot, Any], None], beats: int = 1
+        ) -> None:
             for robot in robots:
-                self._listen(f"/{robot.name}/{topic}", kind, functools.partial(callback, robot), beats)
+                self._listen(
+                    f"/{robot.name}/{topic}", kind, functools.partial(callback, robot), beats
+                )
 
         each("odom", Odometry, self._on_odom)
         for robot in robots:
             # The scan topic has no fixed name.
-            topic = next((topic for topic in scans if topic.startswith(f"/{robot.name}/")), f"/{robot.name}/base_scan")
+            topic = next(
+                (topic for topic in scans if topic.startswith(f"/{robot.name}/")),
+                f"/{robot.name}/base_scan",
+            )
             self._listen(topic, numpy_msg(LaserScan), functools.partial(self._on_scan, robot))
         each("map_goal_client/queue", WaypointQueue, self._on_queue, 0)
         each("move_base/NavfnROS/plan", Path, self._on_plan)
@@ -149,7 +158,12 @@ class Feed:
             self._beaten.notify_all()
 
     def _listen(
-        self, topic: str, kind: Any, callback: Callable[[Any], None], beats: int = 1, queue_size: int | None = 1
+        self,
+        topic: str,
+        kind: Any,
+        callback: Callable[[Any], None],
+        beats: int = 1,
+        queue_size: int | None = 1,
     ) -> None:
         take = tolerant(topic, callback)
 
@@ -159,13 +173,17 @@ class Feed:
             if beats:
                 self._pause(beats)
 
-        one = rospy.Subscriber(topic, kind, locked, queue_size=queue_size, buff_size=ROOM, tcp_nodelay=True)
+        one = rospy.Subscriber(
+            topic, kind, locked, queue_size=queue_size, buff_size=ROOM, tcp_nodelay=True
+        )
         self._subscribers.append(one)
 
     def _pause(self, beats: int) -> None:
         with self._beaten:
             until = self._beats + beats
-            self._beaten.wait_for(lambda: self._beats >= until or not self.is_open, 5 * beats * BEAT)
+            self._beaten.wait_for(
+                lambda: self._beats >= until or not self.is_open, 5 * beats * BEAT
+            )
 
     def _on_tf(self, message: Any) -> None:
         """Extracts the robots' corrections; other transforms, mostly odometry and wheels, are not even decoded."""
@@ -186,7 +204,10 @@ class Feed:
     def _on_map(self, message: Any) -> None:
         info = message.info
         self.map_png = png(conversions.cells_from_grid(message), MAP)
-        corner, size = info.origin.position, (info.width * info.resolution, info.height * info.resolution)
+        corner, size = (
+            info.origin.position,
+            (info.width * info.resolution, info.height * info.resolution),
+        )
         self.station.set_map(corner.x, corner.y, *size)
 
     def _on_info(self, message: Any) -> None:
@@ -194,15 +215,20 @@ class Feed:
         self.station.gateway = message.name
 
     def _on_rules(self, message: Any) -> None:
-        self.station.set_rules({one.key: one.value for one in status.values} for status in message.status)
+        self.station.set_rules(
+            {one.key: one.value for one in status.values} for status in message.status
+        )
 
     def _on_diagnostics(self, message: Any) -> None:
         self.station.add_links(
-            (status.name, {one.key: one.value for one in status.values}) for status in message.status
+            (status.name, {one.key: one.value for one in status.values})
+            for status in message.status
         )
 
     def _on_log(self, computer: str, message: Any) -> None:
-        self.station.add_log(message.header.stamp.to_sec(), message.level, computer, message.name, message.msg)
+        self.station.add_log(
+            message.header.stamp.to_sec(), message.level, computer, message.name, message.msg
+        )
 
     def _on_clock(self, message: Any) -> None:
         self.station.tick(message.clock.to_sec(), time.monotonic())
@@ -212,7 +238,8 @@ class Feed:
 
     def _on_models(self, message: Any) -> None:
         self.station.set_models(
-            (name, pose.position.x, pose.position.y) for name, pose in zip(message.name, message.pose, strict=True)
+            (name, pose.position.x, pose.position.y)
+            for name, pose in zip(message.name, message.pose, strict=True)
         )
 
     def _on_replay(self, message: Any) -> None:

@@ -25,19 +25,28 @@ class _Collector(Collector):
         yield GaugeMetricFamily("pioneer_pages", "Pages that are open.", self._viewers)
         if self._station.real_time_factor is not None:
             yield GaugeMetricFamily(
-                "pioneer_real_time_factor", "Simulated seconds a second.", self._station.real_time_factor
+                "pioneer_real_time_factor",
+                "Simulated seconds a second.",
+                self._station.real_time_factor,
             )
         yield from self._robots()
         yield from self._links()
 
     def _robots(self) -> Iterator[Metric]:
         faults = self._station.faults()
-        rows = [(robot, robot.robot_json(self._now), robot.fault(faults, self._now)) for robot in self._station.robots]
+        rows = [
+            (robot, robot.robot_json(self._now), robot.fault(faults, self._now))
+            for robot in self._station.robots
+        ]
         for name, key, text in (
             ("odometry_age_seconds", "odom_age", "Since the last odometry."),
             ("scan_age_seconds", "scan_age", "Since the last scan."),
             ("speed", "speed", "Forward speed [m/s]."),
-            ("position_deviation", "deviation", "Standard deviation of the position that amcl estimates [m]."),
+            (
+                "position_deviation",
+                "deviation",
+                "Standard deviation of the position that amcl estimates [m].",
+            ),
             ("waypoints_waiting", "waiting", "Waypoints not reached yet."),
         ):
             gauge = GaugeMetricFamily(f"pioneer_robot_{name}", text, labels=["robot"])
@@ -46,29 +55,44 @@ class _Collector(Collector):
                     gauge.add_metric([robot.name], row[key])
             yield gauge
         for name in ("reached", "aborted"):
-            counter = CounterMetricFamily(f"pioneer_robot_waypoints_{name}", f"Waypoints {name}.", labels=["robot"])
+            counter = CounterMetricFamily(
+                f"pioneer_robot_waypoints_{name}", f"Waypoints {name}.", labels=["robot"]
+            )
             for robot, row, _ in rows:
                 counter.add_metric([robot.name], row[name])
             yield counter
-        for name, text in (("up", "1 without a fault."), ("held", "1 while it is stopped from the page.")):
+        for name, text in (
+            ("up", "1 without a fault."),
+            ("held", "1 while it is stopped from the page."),
+        ):
             gauge = GaugeMetricFamily(f"pioneer_robot_{name}", text, labels=["robot"])
             for robot, _, fault in rows:
-                gauge.add_metric([robot.name], float(not fault) if name == "up" else float(robot.held))
+                gauge.add_metric(
+                    [robot.name], float(not fault) if name == "up" else float(robot.held)
+                )
             yield gauge
 
     def _links(self) -> Iterator[Metric]:
         labels = ["gateway", "topic"]
         metrics: dict[str, GaugeMetricFamily | CounterMetricFamily] = {
-            "rate": GaugeMetricFamily("pioneer_link_messages_per_second", "Messages on a link.", labels=labels),
-            "bytes": GaugeMetricFamily("pioneer_link_bytes_per_second", "Bytes on a link.", labels=labels),
-            "drops": CounterMetricFamily("pioneer_link_dropped", "Messages dropped on a link.", labels=labels),
+            "rate": GaugeMetricFamily(
+                "pioneer_link_messages_per_second", "Messages on a link.", labels=labels
+            ),
+            "bytes": GaugeMetricFamily(
+                "pioneer_link_bytes_per_second", "Bytes on a link.", labels=labels
+            ),
+            "drops": CounterMetricFamily(
+                "pioneer_link_dropped", "Messages dropped on a link.", labels=labels
+            ),
         }
         for gateway, topics in self._station.links.items():
             for topic, flow in topics.items():
                 for key, metric in metrics.items():
                     metric.add_metric([gateway, topic], flow[key])
         yield from metrics.values()
-        rules = GaugeMetricFamily("pioneer_rules", "Rules of the base station's gateway.", labels=["gateway", "state"])
+        rules = GaugeMetricFamily(
+            "pioneer_rules", "Rules of the base station's gateway.", labels=["gateway", "state"]
+        )
         counts: dict[tuple[str, str], int] = {}
         for rule in self._station.rules:
             which = rule["gateway"], rule["state"]

@@ -43,7 +43,9 @@ class PageConfig:
     host: str = "127.0.0.1"  #: address to listen on; TLS is required unless it is the loopback
     port: int = 8090  #: TCP port
     session_hours: float = 12.0  #: session lifetime, after which users must log in again [h]
-    tls_directory: str = ""  #: folder of the machine's ``tls.crt`` and ``tls.key``, see ``make_certificates``
+    tls_directory: str = (
+        ""  #: folder of the machine's ``tls.crt`` and ``tls.key``, see ``make_certificates``
+    )
     insecure: bool = False  #: allows other addresses without TLS
     masters: str = ""  #: masters to record, "NAME=URI …"; empty for this node's master only
     recordings: str = "~/.ros/recordings"  #: folder for recordings
@@ -52,7 +54,9 @@ class PageConfig:
         if not 0 < self.port < 65536:
             raise ParameterError(f"~port must be 1 to 65535, not {self.port}")
         if not 0 < self.session_hours <= 720:
-            raise ParameterError(f"~session_hours must be more than 0, at most 720, not {self.session_hours:g}")
+            raise ParameterError(
+                f"~session_hours must be more than 0, at most 720, not {self.session_hours:g}"
+            )
         if self.host not in LOOPBACK and not self.tls_directory and not self.insecure:
             raise ParameterError(
                 f"~host {self.host} is reachable from other machines: give ~tls_directory, or ~insecure:=true where "
@@ -88,23 +92,35 @@ class FleetPageNode:
         def take_in() -> None:
             names = _robot_names()
             known = {robot.name for robot in feed.station.robots}
-            robots = [Robot(name=name, gateway=f"aadi{number}_gateway") for number, name in enumerate(names, 1)]
+            robots = [
+                Robot(name=name, gateway=f"aadi{number}_gateway")
+                for number, name in enumerate(names, 1)
+            ]
             if new := [robot for robot in robots if robot.name not in known]:
                 commander.add(new)
                 feed.add(new)
-                threading.Thread(target=_ask_for_flips, args=(names, new), name="flips", daemon=True).start()
+                threading.Thread(
+                    target=_ask_for_flips, args=(names, new), name="flips", daemon=True
+                ).start()
 
         take_in()
         config, static = self._config, Path(rospkg.RosPack().get_path("pioneer_web")) / "static"
         folder = Path(config.tls_directory).expanduser()
         files = (folder / "tls.crt", folder / "tls.key") if config.tls_directory else (None, None)
-        server = Server(feed, commander, self._access, take_in, static, config.host, config.port, *files)
+        server = Server(
+            feed, commander, self._access, take_in, static, config.host, config.port, *files
+        )
         on_shutdown(server.end)
         scheme = "https" if config.tls_directory else "http"
         for role, what in ((Role.OPERATOR, "to drive"), (Role.VIEWER, "only to look")):
             if TOKENS[role] not in os.environ:
                 rospy.loginfo(
-                    "fleet page, %s: %s://%s:%d/#%s", what, scheme, config.host, config.port, self._tokens[role]
+                    "fleet page, %s: %s://%s:%d/#%s",
+                    what,
+                    scheme,
+                    config.host,
+                    config.port,
+                    self._tokens[role],
                 )
         server.run()
 
@@ -126,7 +142,9 @@ def _await_robots() -> None:
 def _robot_names() -> list[str]:
     """Returns the robots' names from the cached parameter; empty if it is not a list of valid names."""
     names = rospy.get_param_cached(ROBOT_NAMES, [])
-    is_sound = isinstance(names, list) and all(isinstance(name, str) and is_legal_base_name(name) for name in names)
+    is_sound = isinstance(names, list) and all(
+        isinstance(name, str) and is_legal_base_name(name) for name in names
+    )
     return names if is_sound else []
 
 
@@ -140,8 +158,12 @@ def _ask_for_flips(names: Sequence[str], new: Sequence[Robot]) -> None:
     gateways = {robot.gateway for robot in new}
     wishes = [wish for wish in flipped_from_hub(names) if wish.gateway in gateways]
     for robot in new:
-        wishes += [Wish("subscriber", topic_in(robot.name, topic), node, robot.gateway) for topic in _SEEN]
-        wishes += [Wish("publisher", topic_in(robot.name, topic), node, robot.gateway) for topic in _SENT]
+        wishes += [
+            Wish("subscriber", topic_in(robot.name, topic), node, robot.gateway) for topic in _SEEN
+        ]
+        wishes += [
+            Wish("publisher", topic_in(robot.name, topic), node, robot.gateway) for topic in _SENT
+        ]
     try:
         client.wait()
         client.ask(Action.FLIP, wishes)

@@ -62,7 +62,9 @@ class Source:
             fresh = publishers - self._connections.keys()
             self._connections.update(dict.fromkeys(fresh))
         for node in fresh:
-            threading.Thread(target=self._read, args=(node,), name=f"{self._topic} of {node}", daemon=True).start()
+            threading.Thread(
+                target=self._read, args=(node,), name=f"{self._topic} of {node}", daemon=True
+            ).start()
 
     def close(self) -> None:
         """Ends all connections."""
@@ -129,7 +131,11 @@ class Visitor:
         """Sends queued frames in an endless loop."""
         while True:
             frame = await self._queue.get()
-            await (self.socket.send_bytes(frame) if isinstance(frame, bytes) else self.socket.send_json(frame))
+            await (
+                self.socket.send_bytes(frame)
+                if isinstance(frame, bytes)
+                else self.socket.send_json(frame)
+            )
 
 
 class Foxglove:
@@ -230,9 +236,13 @@ class Foxglove:
             raise WireError(
                 f"{channel['topic'][:80]}: cannot publish {channel['schemaName'][:80]} encoded other than {ENCODING}"
             )
-        if not rosgraph.names.is_legal_name(channel["topic"]) or not channel["topic"].startswith("/"):
+        if not rosgraph.names.is_legal_name(channel["topic"]) or not channel["topic"].startswith(
+            "/"
+        ):
             raise WireError(f"{channel['topic'][:80]!r} is not a topic's name")
-        visitor.publishers[channel["id"]] = await asyncio.to_thread(_publisher, channel["topic"], kind)
+        visitor.publishers[channel["id"]] = await asyncio.to_thread(
+            _publisher, channel["topic"], kind
+        )
 
     def _frame(self, visitor: Visitor, frame: Message | Call) -> None:
         if not visitor.may_act:
@@ -256,7 +266,11 @@ class Foxglove:
         try:
             if call.service not in names:
                 raise WireError("no such service")
-            visitor.send(response_frame(call, await asyncio.to_thread(self._called, names[call.service], call.body)))
+            visitor.send(
+                response_frame(
+                    call, await asyncio.to_thread(self._called, names[call.service], call.body)
+                )
+            )
         except (WireError, ClientError, OSError) as error:
             visitor.send(_failure(call, str(error)))
 
@@ -267,7 +281,9 @@ class Foxglove:
     async def _look(self) -> None:
         """Polls the master for topics and services while clients are connected."""
         while not rospy.is_shutdown():
-            with contextlib.suppress(ClientError, OSError):  # the master is unavailable: retried below
+            with contextlib.suppress(
+                ClientError, OSError
+            ):  # the master is unavailable: retried below
                 self._state = await asyncio.to_thread(self._graph)
                 for visitor in self._visitors:
                     self._announce(visitor)
@@ -282,9 +298,17 @@ class Foxglove:
         types = dict(self._client.ask_master("getTopicTypes"))
         mine = rospy.get_name()
         nodes = {topic: set(who) - {mine} for topic, who in publishers if set(who) - {mine}}
-        topics = {topic: types[topic] for topic in nodes if message_class(types.get(topic, "")) is not None}
+        topics = {
+            topic: types[topic]
+            for topic in nodes
+            if message_class(types.get(topic, "")) is not None
+        }
         known = self._state[2]
-        kinds = {name: known.get(name) or self._service_type(name) for name, _ in services if "logger" not in name}
+        kinds = {
+            name: known.get(name) or self._service_type(name)
+            for name, _ in services
+            if "logger" not in name
+        }
         return topics, nodes, {name: kind for name, kind in kinds.items() if kind}
 
     def _service_type(self, name: str) -> str:
@@ -301,7 +325,9 @@ class Foxglove:
         fresh = {topic: kind for topic, kind in topics.items() if topic not in visitor.channels}
         gone = [topic for topic in visitor.channels if topic not in topics]
         if gone:
-            visitor.send({"op": "unadvertise", "channelIds": [visitor.channels.pop(topic) for topic in gone]})
+            visitor.send(
+                {"op": "unadvertise", "channelIds": [visitor.channels.pop(topic) for topic in gone]}
+            )
         if fresh:
             channels = [self._channel(topic, kind) for topic, kind in fresh.items()]
             visitor.channels.update((one["topic"], one["id"]) for one in channels)
@@ -316,14 +342,23 @@ class Foxglove:
         return self._numbers.setdefault((kind, name), len(self._numbers) + 1)
 
     def _channel(self, topic: str, kind: str) -> dict[str, Any]:
-        schema = {"schemaName": kind, "schemaEncoding": _SCHEMA, "schema": known_class(kind)._full_text}
+        schema = {
+            "schemaName": kind,
+            "schemaEncoding": _SCHEMA,
+            "schema": known_class(kind)._full_text,
+        }
         return {"id": self._number("topic", topic), "topic": topic, "encoding": ENCODING, **schema}
 
     def _service(self, name: str, kind: str) -> dict[str, Any]:
         found = service_class(kind)
         halves = {"request": found._request_class, "response": found._response_class}
         schemas = {
-            half: {"encoding": ENCODING, "schemaName": one._type, "schemaEncoding": _SCHEMA, "schema": one._full_text}
+            half: {
+                "encoding": ENCODING,
+                "schemaName": one._type,
+                "schemaEncoding": _SCHEMA,
+                "schema": one._full_text,
+            }
             for half, one in halves.items()
         }
         old = {f"{half}Schema": one["schema"] for half, one in schemas.items()}
@@ -351,7 +386,12 @@ class Foxglove:
 
 
 def _failure(call: Call, reason: str) -> dict[str, Any]:
-    return {"op": "serviceCallFailure", "serviceId": call.service, "callId": call.number, "message": reason}
+    return {
+        "op": "serviceCallFailure",
+        "serviceId": call.service,
+        "callId": call.number,
+        "message": reason,
+    }
 
 
 class _Listeners(rospy.SubscribeListener):

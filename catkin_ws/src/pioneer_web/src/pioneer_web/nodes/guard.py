@@ -19,7 +19,11 @@ LOGIN_LIMIT = 10.0
 """Time-out for a login's body [s]."""
 _EVENTS = "/_nicegui_ws"
 """Path of the connection with the events of a page's elements."""
-_POLICY = {"X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY", "Referrer-Policy": "no-referrer"}
+_POLICY = {
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+}
 
 
 class Guard:
@@ -33,8 +37,15 @@ class Guard:
         encrypted: whether the server uses TLS.
     """
 
-    def __init__(self, app: ASGIApp, access: Access, login_page: str, port: int, encrypted: bool) -> None:
-        self._app, self._access, self._login_page, self._encrypted = app, access, login_page, encrypted
+    def __init__(
+        self, app: ASGIApp, access: Access, login_page: str, port: int, encrypted: bool
+    ) -> None:
+        self._app, self._access, self._login_page, self._encrypted = (
+            app,
+            access,
+            login_page,
+            encrypted,
+        )
         self.cookie = f"pioneer_{port}"
         self._pace = Pace()
 
@@ -43,9 +54,13 @@ class Guard:
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
-        headers = {key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]}
+        headers = {
+            key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]
+        }
         writes = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
-        foreign = not same_origin(headers.get("origin", ""), headers.get("host", ""), self._encrypted)
+        foreign = not same_origin(
+            headers.get("origin", ""), headers.get("host", ""), self._encrypted
+        )
         session = self._session(headers)
         bearer = self._role_of_bearer(headers, scope)
         if scope["type"] == "http" and scope["path"] == LOGIN and scope["method"] == "POST":
@@ -53,7 +68,9 @@ class Guard:
             await answer(scope, receive, send)
             return
         # A token is sent deliberately. Browsers attach cookies to requests of any site, so check the origin (CSRF).
-        role = bearer or (None if writes and foreign else self._access.role(session, time.monotonic()))
+        role = bearer or (
+            None if writes and foreign else self._access.role(session, time.monotonic())
+        )
         if role is None:
             await self._refuse(scope, receive, send)
             return
@@ -64,9 +81,19 @@ class Guard:
             await answer(scope, receive, send)
             return
         scope["role"] = role
-        scope["still"] = (lambda: True) if bearer else lambda: self._access.role(session, time.monotonic()) is not None
+        scope["still"] = (
+            (lambda: True)
+            if bearer
+            else lambda: self._access.role(session, time.monotonic()) is not None
+        )
         if role < Role.OPERATOR:
-            await self._pace.turn(PAGE if scope["path"] == "/" else EVENT if scope["path"].startswith(_EVENTS) else 1.0)
+            await self._pace.turn(
+                PAGE
+                if scope["path"] == "/"
+                else EVENT
+                if scope["path"].startswith(_EVENTS)
+                else 1.0
+            )
             if scope["type"] == "websocket":
                 receive = self._paced(receive, EVENT if scope["path"].startswith(_EVENTS) else 1.0)
         await self._app(scope, receive, _with_policy(send))
@@ -83,7 +110,9 @@ class Guard:
 
     def _session(self, headers: Mapping[str, str]) -> str:
         try:
-            jar: http.cookies.SimpleCookie[str] = http.cookies.SimpleCookie(headers.get("cookie", ""))
+            jar: http.cookies.SimpleCookie[str] = http.cookies.SimpleCookie(
+                headers.get("cookie", "")
+            )
         except http.cookies.CookieError:
             return ""
         return jar[self.cookie].value if self.cookie in jar else ""
@@ -101,12 +130,19 @@ class Guard:
             body = await asyncio.wait_for(_body(receive), LOGIN_LIMIT)
         except TimeoutError:
             return Response("the login is incomplete", 408)
-        session = self._access.login(body[:LONGEST_LOGIN].decode(errors="replace").strip(), time.monotonic())
+        session = self._access.login(
+            body[:LONGEST_LOGIN].decode(errors="replace").strip(), time.monotonic()
+        )
         if session is None:
             return Response("unknown token", 401)
         answer = Response(status_code=204)
         answer.set_cookie(
-            self.cookie, session, int(self._access.lifetime), httponly=True, samesite="strict", secure=self._encrypted
+            self.cookie,
+            session,
+            int(self._access.lifetime),
+            httponly=True,
+            samesite="strict",
+            secure=self._encrypted,
         )
         return answer
 

@@ -51,7 +51,12 @@ def service_class(kind: str) -> Any:
 def _is_interface(kind: str, part: str) -> bool:
     """Returns whether the name is well-formed and ROS' message generator made its module, in ``part`` of a package."""
     package, slash, name = kind.partition("/")
-    if not slash or len(kind) > _LONGEST or not is_legal_base_name(package) or not is_legal_base_name(name):
+    if (
+        not slash
+        or len(kind) > _LONGEST
+        or not is_legal_base_name(package)
+        or not is_legal_base_name(name)
+    ):
         return False
     try:
         found = importlib.util.find_spec(package)  # imports nothing, because the name has no dot

@@ -30,12 +30,19 @@ _TOOLS = (
 _LOG = """<select id="least" aria-label="least severity"><option value="info">all<option value="warning">warnings
 <option value="error">errors</select><input id="filter" placeholder="filter: aadi1 move_base …" aria-label="filter">
 <div id="log"></div>"""
-_SLIDER = '<label id="replay" hidden>Replay <input type="range" min="0" step="0.1"><span></span></label>'
+_SLIDER = (
+    '<label id="replay" hidden>Replay <input type="range" min="0" step="0.1"><span></span></label>'
+)
 LOOK_AGAIN = 0.3
 """Interval between two camera images [s]."""
 _LOOKS = 4
 """Number of camera images that are awaited at the same time."""
-_ACTIONS = (("pause", "pause"), ("resume", "play_arrow"), ("step", "skip_next"), ("reset", "restart_alt"))
+_ACTIONS = (
+    ("pause", "pause"),
+    ("resume", "play_arrow"),
+    ("step", "skip_next"),
+    ("reset", "restart_alt"),
+)
 
 
 _shared = SharedCalls()
@@ -45,10 +52,17 @@ _looking = ThreadPoolExecutor(_LOOKS, "camera")
 def colours(count: int) -> list[str]:
     """Returns the robots' colours in RViz, as ``rgb(r, g, b)``."""
     groups = [
-        one for one in yaml.safe_load(TEMPLATE.read_text())["Visualization Manager"]["Displays"] if "Displays" in one
+        one
+        for one in yaml.safe_load(TEMPLATE.read_text())["Visualization Manager"]["Displays"]
+        if "Displays" in one
     ]
-    scans = [next(one["Color"] for one in group["Displays"] if one["Name"] == "Scan") for group in groups]
-    parts = (turned(scans[number % len(scans)], 0.065 * (number // len(scans))) for number in range(count))
+    scans = [
+        next(one["Color"] for one in group["Displays"] if one["Name"] == "Scan") for group in groups
+    ]
+    parts = (
+        turned(scans[number % len(scans)], 0.065 * (number // len(scans)))
+        for number in range(count)
+    )
     return [f"rgb({part.replace(';', ',')})" for part in parts]
 
 
@@ -59,15 +73,18 @@ def build(on_open: Callable[[], None]) -> None:
     def fleet_page() -> None:
         on_open()
         # In the head, so that fleet data already arrives while NiceGUI's scripts load.
-        ui.add_head_html('<link rel="stylesheet" href="/static/fleet.css"><script src="/static/fleet.js"></script>')
+        ui.add_head_html(
+            '<link rel="stylesheet" href="/static/fleet.css"><script src="/static/fleet.js"></script>'
+        )
         dark = ui.dark_mode(None)
         _header(dark)
         _tools()
         ui.html(_SLIDER, sanitize=False).style("width: 100%")
         with ui.element("main").props("id=main"):
-            ui.html('<canvas id="map" tabindex="0" aria-label="Map of the fleet"></canvas>', sanitize=False).props(
-                "id=stage"
-            )
+            ui.html(
+                '<canvas id="map" tabindex="0" aria-label="Map of the fleet"></canvas>',
+                sanitize=False,
+            ).props("id=stage")
             with ui.element("section").props("id=side"):
                 _tabs()
         ui.html('<div id="answers" role="status"></div>', sanitize=False)
@@ -86,7 +103,9 @@ def _header(dark: ui.dark_mode) -> None:
 
 
 def _act(label: str, act: str, props: str, icon: str | None = None, tip: str = "") -> None:
-    button = ui.button(label, icon=icon).props(f'{props} data-act={act} aria-label="{tip or label}"')
+    button = ui.button(label, icon=icon).props(
+        f'{props} data-act={act} aria-label="{tip or label}"'
+    )
     if tip:
         button.tooltip(tip)
 
@@ -95,19 +114,35 @@ def _tools() -> None:
     with ui.row().props("id=tools"):
         for name, icon, tip in _TOOLS:
             _act("", f"tool-{name}", "flat dense", icon, tip)
-        _act("", "cancel", "flat dense", "playlist_remove", "Drop the waypoints of the selected robots")
         _act(
-            "", "patrol", "flat dense", "repeat", "Repeat the waypoints of the selected robots, or stop repeating them"
+            "",
+            "cancel",
+            "flat dense",
+            "playlist_remove",
+            "Drop the waypoints of the selected robots",
+        )
+        _act(
+            "",
+            "patrol",
+            "flat dense",
+            "repeat",
+            "Repeat the waypoints of the selected robots, or stop repeating them",
         )
         _act("", "follow", "flat dense", "gps_fixed", "Follow the selected robot")
         _act("", "fit", "flat dense", "fit_screen", "Show the whole map")
         _act("STOP", "stop", "dense color=negative", None, "Stop the selected robots and hold them")
         _act("RELEASE", "release", "outline dense", None, "Release the selected robots")
         ui.space()
-        _act("", "record", "flat dense", "fiber_manual_record", "Record the fleet, or end the recording")
-        ui.button(icon="photo_camera", on_click=_camera).props('flat dense aria-label="Camera images"').tooltip(
-            "Camera images"
+        _act(
+            "",
+            "record",
+            "flat dense",
+            "fiber_manual_record",
+            "Record the fleet, or end the recording",
         )
+        ui.button(icon="photo_camera", on_click=_camera).props(
+            'flat dense aria-label="Camera images"'
+        ).tooltip("Camera images")
         for name, icon in _ACTIONS:
             _act("", f"simulate-{name}", "flat dense", icon, f"Simulator: {name}")
 
@@ -121,7 +156,9 @@ def _tabs() -> None:
             ui.html('<div id="robots"></div>', sanitize=False)
         with ui.tab_panel("Network"):
             ui.html('<div id="network"></div>', sanitize=False)
-            ui.button("Ask the doctor", icon="medical_services", on_click=_doctor).props("dense outline no-caps")
+            ui.button("Ask the doctor", icon="medical_services", on_click=_doctor).props(
+                "dense outline no-caps"
+            )
         with ui.tab_panel("Log"):
             ui.html(_LOG, sanitize=False)
 
@@ -130,14 +167,18 @@ async def _camera() -> None:
     """Shows live camera images while the dialog is open."""
     topics = await _shared.result(image_topics, functools.partial(_look, image_topics))
     with ui.dialog(value=True) as dialog, ui.card().classes("camera"):
-        words = ui.label("" if topics else "There are no camera images (sensor_msgs/Image) on this master.")
+        words = ui.label(
+            "" if topics else "There are no camera images (sensor_msgs/Image) on this master."
+        )
         chosen = ui.select(topics, value=topics[0] if topics else None).props("dense options-dense")
         picture = ui.image().props("no-transition no-spinner")
 
         async def look() -> None:
             try:
                 topic = chosen.value
-                picture.set_source(await _shared.result(topic, functools.partial(_look, next_image, topic)))
+                picture.set_source(
+                    await _shared.result(topic, functools.partial(_look, next_image, topic))
+                )
                 words.set_text("")
             except (rospy.ROSException, ValueError) as error:
                 words.set_text(str(error))
@@ -172,7 +213,9 @@ async def _examine() -> list[dict[str, Any]]:
     command = ("rosrun", "rocon_gateway", "doctor", "--json")
     pipe, null = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL
     try:
-        process = await asyncio.create_subprocess_exec(*command, stdout=pipe, stderr=null, start_new_session=True)
+        process = await asyncio.create_subprocess_exec(
+            *command, stdout=pipe, stderr=null, start_new_session=True
+        )
     except OSError as error:
         return _no_answer(str(error))
     try:

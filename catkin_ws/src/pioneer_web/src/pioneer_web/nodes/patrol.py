@@ -27,9 +27,18 @@ class Patrol:
     """
 
     def __init__(
-        self, robot: str, route: Sequence[Pose], append: Callable[[Pose], None], on_end: Callable[[], None]
+        self,
+        robot: str,
+        route: Sequence[Pose],
+        append: Callable[[Pose], None],
+        on_end: Callable[[], None],
     ) -> None:
-        self._length, self._next, self._append, self._on_end = len(route), itertools.cycle(route), append, on_end
+        self._length, self._next, self._append, self._on_end = (
+            len(route),
+            itertools.cycle(route),
+            append,
+            on_end,
+        )
         self._due = 0
         self._subscriber = rospy.Subscriber(
             f"/{robot}/map_goal_client/queue", WaypointQueue, self._on_queue, queue_size=1

@@ -66,7 +66,9 @@ class Recording:
                 f"{self._file}: the recorder did not end in {_END:g} s; the file is incomplete"
             ) from None
         if process.returncode:
-            raise CommandError(f"{self._file}: the recorder ended with exit status {process.returncode}; see the log")
+            raise CommandError(
+                f"{self._file}: the recorder ended with exit status {process.returncode}; see the log"
+            )
         return said.strip()
 
     def close(self) -> None:

@@ -87,7 +87,10 @@ class Server:
         self._wanted_until, self._woken = 0.0, asyncio.Event()
         self.foxglove = Foxglove()
         # A stop waits for no other command, and commands wait for nothing that viewers ask for.
-        self._stops, self._commands = ThreadPoolExecutor(1, "stop"), ThreadPoolExecutor(8, "command")
+        self._stops, self._commands = (
+            ThreadPoolExecutor(1, "stop"),
+            ThreadPoolExecutor(8, "command"),
+        )
         app = FastAPI(lifespan=self._lifespan, docs_url=None, redoc_url=None, openapi_url=None)
         app.mount("/static", StaticFiles(directory=static))
         app.mount("/recordings", StaticFiles(directory=commander.recording.folder, check_dir=False))
@@ -97,8 +100,12 @@ class Server:
         app.add_api_websocket_route("/foxglove", self.foxglove.serve)
         app.add_api_websocket_route("/foxglove/{token}", self.foxglove.serve)
         page.build(lambda: self._want(LINGER))
-        ui.run_with(app, title="Pioneer fleet", dark=None, show_welcome_message=False, tailwind=False)
-        guard = Guard(app, access, (static / "login.html").read_text(), port, certificate is not None)
+        ui.run_with(
+            app, title="Pioneer fleet", dark=None, show_welcome_message=False, tailwind=False
+        )
+        guard = Guard(
+            app, access, (static / "login.html").read_text(), port, certificate is not None
+        )
         self._uvicorn = _Uvicorn(
             uvicorn.Config(
                 guard, host, port, log_level="warning", access_log=False, ws_per_message_deflate=False,
@@ -132,7 +139,9 @@ class Server:
                 rospy.logwarn_throttle(10.0, f"the master does not answer, trying again: {error}")
                 await asyncio.sleep(RETRY)
             except Exception:  # noqa: BLE001 - the outermost loop: pages must not freeze because of one fault
-                rospy.logerr_throttle(60.0, f"the pages' update failed, trying again:\n{traceback.format_exc()}")
+                rospy.logerr_throttle(
+                    60.0, f"the pages' update failed, trying again:\n{traceback.format_exc()}"
+                )
                 await asyncio.sleep(RETRY)
 
     async def _update(self) -> None:
@@ -190,7 +199,9 @@ class Server:
                     text = await asyncio.wait_for(socket.receive_text(), LINGER)
                     if not socket.scope["still"]():
                         break
-                    await socket.send_json({"answer": await self._answer(text, socket.scope["role"])})
+                    await socket.send_json(
+                        {"answer": await self._answer(text, socket.scope["role"])}
+                    )
             await socket.close(EXPIRED)
         except (WebSocketDisconnect, KeyError):  # KeyError: not a text frame
             pass
@@ -206,16 +217,23 @@ class Server:
             command = command_from_text(text, [robot.name for robot in self._feed.station.robots])
             executor = self._stops if command.do == "stop" else self._commands
             loop = asyncio.get_running_loop()
-            return {"good": True, "text": await loop.run_in_executor(executor, self._commander.do, command)}
+            return {
+                "good": True,
+                "text": await loop.run_in_executor(executor, self._commander.do, command),
+            }
         except CommandError as error:
             return {"good": False, "text": str(error)}
 
     async def _map(self) -> Response:
-        return Response(self._feed.map_png, media_type="image/png", headers={"Cache-Control": "no-cache"})
+        return Response(
+            self._feed.map_png, media_type="image/png", headers={"Cache-Control": "no-cache"}
+        )
 
     async def _metrics(self, _: Request) -> Response:
         self._want(SCRAPED)
-        return Response(await asyncio.to_thread(self._figures), media_type="text/plain; version=0.0.4")
+        return Response(
+            await asyncio.to_thread(self._figures), media_type="text/plain; version=0.0.4"
+        )
 
     def _figures(self) -> bytes:
         with self._feed.lock:

@@ -65,4 +65,8 @@ def test_a_service_has_the_sums_of_rocon(name: str) -> None:
 
 def test_the_error_codes_are_those_of_rocon() -> None:
     codes = msg.ErrorCodes
-    assert (codes.SUCCESS, codes.FLIP_PATTERN_ALREDY_EXISTS, codes.REMOTE_GATEWAY_SELF_IS_NOT) == (0, 23, 52)
+    assert (codes.SUCCESS, codes.FLIP_PATTERN_ALREDY_EXISTS, codes.REMOTE_GATEWAY_SELF_IS_NOT) == (
+        0,
+        23,
+        52,
+    )

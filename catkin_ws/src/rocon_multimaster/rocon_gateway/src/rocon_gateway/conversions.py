@@ -25,12 +25,16 @@ def rules_from_messages(messages: Iterable[RuleMessage], code: Code) -> list[Rul
     return [rule_from_text(message.type, message.name, message.node, code) for message in messages]
 
 
-def remote_rules_from_messages(messages: Iterable[RemoteRuleMessage], code: Code) -> list[RemoteRule]:
+def remote_rules_from_messages(
+    messages: Iterable[RemoteRuleMessage], code: Code
+) -> list[RemoteRule]:
     """Returns checked remote rules. Raises RequestError with `code`."""
     found = []
     for message in messages:
         check_gateway(message.gateway, code)
-        found += [RemoteRule(message.gateway, rule) for rule in rules_from_messages([message.rule], code)]
+        found += [
+            RemoteRule(message.gateway, rule) for rule in rules_from_messages([message.rule], code)
+        ]
     return found
 
 
@@ -45,7 +49,9 @@ def message_from_remote_rule(remote: RemoteRule | Flipped) -> RemoteRuleMessage:
     return RemoteRuleMessage(gateway=remote.gateway, rule=message_from_rule(rule))
 
 
-def message_from_record(record: Record, silence: float, latency: Latency | None = None) -> RemoteGateway:
+def message_from_record(
+    record: Record, silence: float, latency: Latency | None = None
+) -> RemoteGateway:
     """Returns the message that describes another gateway.
 
     Args:
@@ -53,10 +59,18 @@ def message_from_record(record: Record, silence: float, latency: Latency | None 
         silence: time since it was last heard of [s], 0 if it is alive.
         latency: latency between our relay and its relay; None if unknown.
     """
-    stats = ConnectionStatistics(gateway_available=silence == 0.0, time_since_last_seen=int(silence))
+    stats = ConnectionStatistics(
+        gateway_available=silence == 0.0, time_since_last_seen=int(silence)
+    )
     if latency is not None:
-        stats.ping_latency_min, stats.ping_latency_max = 1e3 * latency.shortest, 1e3 * latency.longest
-        stats.ping_latency_avg, stats.ping_latency_mdev = 1e3 * latency.mean, 1e3 * latency.deviation
+        stats.ping_latency_min, stats.ping_latency_max = (
+            1e3 * latency.shortest,
+            1e3 * latency.longest,
+        )
+        stats.ping_latency_avg, stats.ping_latency_mdev = (
+            1e3 * latency.mean,
+            1e3 * latency.deviation,
+        )
     return RemoteGateway(
         name=record.name,
         ip=record.host,
@@ -97,7 +111,11 @@ def diagnostic_from_state(state: RuleState, gateway: str) -> DiagnosticStatus:
 
 
 def diagnostic_from_link(
-    one: Export | Import, link: LinkStatus, flow: Flow, latencies: Mapping[str, Latency], gateway: str
+    one: Export | Import,
+    link: LinkStatus,
+    flow: Flow,
+    latencies: Mapping[str, Latency],
+    gateway: str,
 ) -> DiagnosticStatus:
     """Returns status and data rates of one connection of our gateway `gateway`, for `/diagnostics`."""
     way, other = "to" if isinstance(one, Export) else "from", one.key.gateway
@@ -120,7 +138,9 @@ def diagnostic_from_link(
     return DiagnosticStatus(
         level=DiagnosticStatus.OK if working else DiagnosticStatus.STALE,
         name=f"{gateway}: {way} {other} {one.key.topic}{node}",
-        message=f"{link.state}, {flow.messages:.1f} messages a second" if working else f"{link.state}: {link.reason}",
+        message=f"{link.state}, {flow.messages:.1f} messages a second"
+        if working
+        else f"{link.state}: {link.reason}",
         hardware_id=gateway,
         values=[KeyValue(key, str(value)) for key, value in values.items()],
     )

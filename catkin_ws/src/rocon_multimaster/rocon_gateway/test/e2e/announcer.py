@@ -40,7 +40,9 @@ def tried(hubs: Hubs) -> str:
 def main() -> None:
     false, half = map(int, sys.argv[1:])
     me = Record("gateway", "instance", "127.0.0.1", 1)
-    hubs = Hubs(HubsConfig(distant=True, discover=True), me, lambda: (), lambda: None, logging.getLogger())
+    hubs = Hubs(
+        HubsConfig(distant=True, discover=True), me, lambda: (), lambda: None, logging.getLogger()
+    )
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as air:
         air.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
 

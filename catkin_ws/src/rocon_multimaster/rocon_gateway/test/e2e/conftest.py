@@ -31,7 +31,9 @@ PROBE = Path(__file__).with_name("probe.py")
 class Site:
     """A master with a gateway and probes."""
 
-    def __init__(self, name: str, fleet: "Fleet", master: Any = None, prefix: Sequence[str] = ()) -> None:
+    def __init__(
+        self, name: str, fleet: "Fleet", master: Any = None, prefix: Sequence[str] = ()
+    ) -> None:
         self.name = name
         self.master = master or Master()
         self._client = Client(self.master.uri, "/test")
@@ -43,7 +45,12 @@ class Site:
 
     def start(self, environment: Mapping[str, str] | None = None, **parameters: Any) -> "Site":
         """Starts the gateway; `environment` adds environment variables."""
-        defaults = {"name": self.name, "disable_uuids": True, "firewall": False, "hub_uri": self._fleet.hub_uri}
+        defaults = {
+            "name": self.name,
+            "disable_uuids": True,
+            "firewall": False,
+            "hub_uri": self._fleet.hub_uri,
+        }
         self.master.set_param("/gateway", {**defaults, **parameters})
         argv = [*self._prefix, "rosrun", "rocon_gateway", "gateway"]
         environment = {**self.master.environment, **(environment or {})}
@@ -74,13 +81,18 @@ class Site:
     def pull(self, gateway: str, kind: str, name: str, node: str = "", cancel: bool = False) -> int:
         return self.remote("pull", gateway, kind, name, node, cancel).result
 
-    def remote(self, action: str, gateway: str, kind: str, name: str, node: str = "", cancel: bool = False) -> Any:
+    def remote(
+        self, action: str, gateway: str, kind: str, name: str, node: str = "", cancel: bool = False
+    ) -> Any:
         remotes = [msg.RemoteRule(gateway, msg.Rule(kind, name, node))]
         return self.call(action, srv.Remote, remotes=remotes, cancel=cancel)
 
     def advertise(self, *names: str, cancel: bool = False) -> Any:
         return self.call(
-            "advertise", srv.Advertise, rules=[msg.Rule("publisher", name, "") for name in names], cancel=cancel
+            "advertise",
+            srv.Advertise,
+            rules=[msg.Rule("publisher", name, "") for name in names],
+            cancel=cancel,
         )
 
     def info(self) -> msg.GatewayInfo:
@@ -110,21 +122,31 @@ class Site:
     def talk(self, topic: str, name: str = "talker") -> int:
         """Starts a node that publishes its name on `topic`; waits until the master lists it."""
         pid = self.probe("talk", name, topic)
-        wait_until(lambda: f"/{name}" in self.master.system_state()[0].get(topic, []), f"{topic} of {name}", START)
+        wait_until(
+            lambda: f"/{name}" in self.master.system_state()[0].get(topic, []),
+            f"{topic} of {name}",
+            START,
+        )
         return pid
 
     def hear(self, topic: str, name: str = "listener") -> "Ear":
         """Starts a node that subscribes to `topic`; waits until the master lists it."""
         log = self._fleet.folder / f"{self.name}-{name}.log"
         pid = self.probe("hear", name, topic, log=log)
-        wait_until(lambda: f"/{name}" in self.master.system_state()[1].get(topic, []), f"{name} on {topic}", START)
+        wait_until(
+            lambda: f"/{name}" in self.master.system_state()[1].get(topic, []),
+            f"{name} on {topic}",
+            START,
+        )
         return Ear(log, pid)
 
     def probe(self, what: str, name: str, *arguments: object, log: Path | None = None) -> int:
         """Starts a probe (see `probe.py`)."""
         argv = [*self._prefix, sys.executable, str(PROBE), what, name, *map(str, arguments)]
         log = log or self._fleet.folder / f"{self.name}-{name}.log"
-        pid = self._fleet.group.start(f"{self.name} {name}", argv, self.master.environment, log, may_end=True)
+        pid = self._fleet.group.start(
+            f"{self.name} {name}", argv, self.master.environment, log, may_end=True
+        )
         self._probes[name] = pid
         return pid
 
@@ -147,9 +169,13 @@ class Site:
         info = self.info()
         self.call("advertise_all", srv.AdvertiseAll, cancel=True)
         if info.flip_watchlist:
-            assert self.call("flip", srv.Remote, remotes=info.flip_watchlist, cancel=True).result == 0
+            assert (
+                self.call("flip", srv.Remote, remotes=info.flip_watchlist, cancel=True).result == 0
+            )
         if info.pull_watchlist:
-            assert self.call("pull", srv.Remote, remotes=info.pull_watchlist, cancel=True).result == 0
+            assert (
+                self.call("pull", srv.Remote, remotes=info.pull_watchlist, cancel=True).result == 0
+            )
 
     def publishers(self, topic: str) -> list[str]:
         """Returns the nodes that publish `topic` according to the master."""
@@ -160,7 +186,9 @@ def _end(pids: list[int]) -> None:
     for pid in pids:
         with contextlib.suppress(ProcessLookupError):
             os.kill(pid, signal.SIGINT)
-    wait_until(lambda: not any(lives(pid) for pid in pids), "the end of what was interrupted", START)
+    wait_until(
+        lambda: not any(lives(pid) for pid in pids), "the end of what was interrupted", START
+    )
 
 
 def lives(pid: int) -> bool:
@@ -178,12 +206,18 @@ class Ear:
 
     def times(self, text: str = "") -> list[float]:
         """Returns the receive time of each message, monotonic [s]; with `text`, only of messages equal to it."""
-        rows = [line.split(" ", 1) for line in self._log.read_text().splitlines() if line[:1].isdigit()]
+        rows = [
+            line.split(" ", 1) for line in self._log.read_text().splitlines() if line[:1].isdigit()
+        ]
         return [float(row[0]) for row in rows if not text or row[1] == text]
 
     def first_after(self, moment: float, text: str = "", timeout: float = 10) -> float:
         """Waits for a message after `moment`; returns the delay [s]."""
-        wait_until(lambda: any(t > moment for t in self.times(text)), f"a message {text} in {self._log.name}", timeout)
+        wait_until(
+            lambda: any(t > moment for t in self.times(text)),
+            f"a message {text} in {self._log.name}",
+            timeout,
+        )
         return min(t for t in self.times(text) if t > moment) - moment
 
 
@@ -205,7 +239,9 @@ class Fleet:
         """A name that no other hub announces on this machine."""
         return f"Test Hub {self.hub_port}"
 
-    def start_hub(self, environment: Mapping[str, str] | None = None, node: str = "hub", **parameters: Any) -> int:
+    def start_hub(
+        self, environment: Mapping[str, str] | None = None, node: str = "hub", **parameters: Any
+    ) -> int:
         defaults = {"name": self.hub_name, "port": self.hub_port, "zeroconf": False}
         self.hub_master.set_param(f"/{node}", {**defaults, **parameters})
         argv = ["rosrun", "rocon_hub", "hub", f"__name:={node}"]
@@ -217,7 +253,9 @@ class Fleet:
     def start_second_hub(self) -> tuple[int, str]:
         """Starts another hub; returns its PID and address."""
         port = self.ports.take(18380)
-        return self.start_hub(node="second_hub", name=f"Second Hub {port}", port=port), f"http://127.0.0.1:{port}"
+        return self.start_hub(
+            node="second_hub", name=f"Second Hub {port}", port=port
+        ), f"http://127.0.0.1:{port}"
 
     def site(self, name: str, master: Any = None, prefix: Sequence[str] = ()) -> Site:
         """Adds a site; `prefix` is a command that runs other commands on the site's machine."""
@@ -235,7 +273,11 @@ class Fleet:
 
     def redis_pid(self) -> int:
         """Returns the PID of the first hub's Redis; 0 while it is not running."""
-        found = [pid for pid in self.family(self.hub_pid) if "redis-server" in " ".join(arguments(pid)[:1])]
+        found = [
+            pid
+            for pid in self.family(self.hub_pid)
+            if "redis-server" in " ".join(arguments(pid)[:1])
+        ]
         return found[0] if found else 0
 
     def close(self) -> None:

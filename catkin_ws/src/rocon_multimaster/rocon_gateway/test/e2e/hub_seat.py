@@ -27,14 +27,18 @@ REQUEST = PeerRequest(offers=(Offer("/flow", "std_msgs/String", "/talker", Purpo
 class Seat:
     """One gateway's connection to a hub, which the test can cut and restore."""
 
-    def __init__(self, name: str, port: int, instance: str, restore: Callable[[str], str] = str) -> None:
+    def __init__(
+        self, name: str, port: int, instance: str, restore: Callable[[str], str] = str
+    ) -> None:
         #: view: its current view of the hub
         self.name, self.view, self.is_barred = name, HubView(), False
         self.session: Any = None  #: its connection
         #: called before each attempt to join the hub, in the thread that tries
         self.before_try: Callable[[], object] = list
         self.tries = 0  #: number of attempts to join the hub
-        self.complaints: list[tuple[int, str]] = []  #: reasons why it is not on the hub, each with the attempt's number
+        self.complaints: list[
+            tuple[int, str]
+        ] = []  #: reasons why it is not on the hub, each with the attempt's number
         self._address, self._instance = HubAddress("127.0.0.1", port), instance
         context = HubContext(
             open=self._open,
@@ -60,7 +64,9 @@ class Seat:
         self.view = view or HubView()
 
     def _said(self, requests: dict[str, PeerRequest]) -> Publication:
-        return Publication(Record(self.name, self._instance, "127.0.0.1", 9), requests, frozenset({".*"}))
+        return Publication(
+            Record(self.name, self._instance, "127.0.0.1", 9), requests, frozenset({".*"})
+        )
 
     def tell(self, **requests: PeerRequest) -> None:
         """Sets its requests to other gateways."""
@@ -109,7 +115,9 @@ class Bench:
         self.registry.open("Test Hub")
         self.seats: list[Seat] = []
 
-    def seat(self, name: str, instance: str = "1", port: int = 0, restore: Callable[[str], str] = str) -> Seat:
+    def seat(
+        self, name: str, instance: str = "1", port: int = 0, restore: Callable[[str], str] = str
+    ) -> Seat:
         self.seats.append(Seat(name, port or self.port, instance, restore))
         return self.seats[-1].connected()
 

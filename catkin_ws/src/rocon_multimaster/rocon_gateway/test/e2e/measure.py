@@ -31,4 +31,7 @@ def checked(log: Path) -> list[tuple[float, int, bool]]:
 def longest_gap(times: list[float], since: float) -> float:
     """Returns the longest gap between two messages [s], starting with the last one before `since`."""
     begin = max((one for one in times if one <= since), default=since)
-    return max(late - early for early, late in itertools.pairwise([begin, *(one for one in times if one > since)]))
+    return max(
+        late - early
+        for early, late in itertools.pairwise([begin, *(one for one in times if one > since)])
+    )

@@ -17,12 +17,16 @@ from gateway_msgs import msg
 from pioneer_harness.wait import START, wait_until
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 TF_PROBE = Path(__file__).with_name("tf_probe.py")
 
 
-def test_a_typing_error_in_gateway_topic_or_node_is_answered_with_the_nearest_name(standing: Any) -> None:
+def test_a_typing_error_in_gateway_topic_or_node_is_answered_with_the_nearest_name(
+    standing: Any,
+) -> None:
     base, robot = standing
     robot.talk("/p1/odom")
     base.talk("/plan", "planner")
@@ -36,7 +40,10 @@ def test_a_typing_error_in_gateway_topic_or_node_is_answered_with_the_nearest_na
         ("flip /p1/scan", "no such gateway: nearest on the hub: robot"),
         ("flip /p1/odmo", "no such topic: nearest there: /p1/odom"),
         ("flip /plan", "no publisher: here it is published by /planner, not /planer"),
-        ("flip /p1/plan", "active: for /rvzi, which does not listen yet; here it is also subscribed by /rviz"),
+        (
+            "flip /p1/plan",
+            "active: for /rvzi, which does not listen yet; here it is also subscribed by /rviz",
+        ),
     ):
         wait_until(
             lambda rule=rule, answer=answer: base.states()[rule].startswith(answer),
@@ -45,11 +52,20 @@ def test_a_typing_error_in_gateway_topic_or_node_is_answered_with_the_nearest_na
         )
 
 
-def test_what_the_fleets_blacklist_bars_is_refused_and_the_answer_names_the_rule(fleet: Any) -> None:
-    config = Path(rospkg.RosPack().get_path("pioneer_networking")) / "config" / "blacklist_multi_pioneer.yaml"
+def test_what_the_fleets_blacklist_bars_is_refused_and_the_answer_names_the_rule(
+    fleet: Any,
+) -> None:
+    config = (
+        Path(rospkg.RosPack().get_path("pioneer_networking"))
+        / "config"
+        / "blacklist_multi_pioneer.yaml"
+    )
     blacklist = yaml.safe_load(config.read_text())
     fleet.start_hub()
-    base, robot = fleet.site("base").start().connected(), fleet.site("robot").start(**blacklist).connected()
+    base, robot = (
+        fleet.site("base").start().connected(),
+        fleet.site("robot").start(**blacklist).connected(),
+    )
     robot.talk("/rosout_of_mine")
     refused = robot.remote("flip", "base", "publisher", "/rosout_of_mine")
     assert refused.result == msg.ErrorCodes.HUB_UNKNOWN_ERROR
@@ -59,7 +75,11 @@ def test_what_the_fleets_blacklist_bars_is_refused_and_the_answer_names_the_rule
     assert "blacklisted by publisher /rosout.*" in refused.error_message
     # A remote gateway that requests it sees the refusal in the rule's state.
     assert base.flip("robot", "subscriber", "/rosout_of_mine") == 0
-    wait_until(lambda: base.states()["flip /rosout_of_mine"].startswith("blacklisted"), "the rule's answer", 10)
+    wait_until(
+        lambda: base.states()["flip /rosout_of_mine"].startswith("blacklisted"),
+        "the rule's answer",
+        10,
+    )
     assert "/rosout.*" in base.states()["flip /rosout_of_mine"]
     assert base.publishers("/rosout_of_mine") == []
 
@@ -87,7 +107,13 @@ def test_of_tf_only_the_asked_for_prefix_crosses(fleet: Any) -> None:
     base = fleet.site("base").start().connected()
     log = fleet.folder / "frames.log"
     start = fleet.group.start
-    start("tf talker", [sys.executable, str(TF_PROBE), "talk"], robot.master.environment, fleet.folder / "t.log", True)
+    start(
+        "tf talker",
+        [sys.executable, str(TF_PROBE), "talk"],
+        robot.master.environment,
+        fleet.folder / "t.log",
+        True,
+    )
     start("tf hearer", [sys.executable, str(TF_PROBE), "hear"], base.master.environment, log, True)
     wait_until(lambda: robot.publishers("/tf"), "tf's publisher", START)
     assert base.flip("robot", "subscriber", "/tf") == 0
@@ -95,32 +121,42 @@ def test_of_tf_only_the_asked_for_prefix_crosses(fleet: Any) -> None:
     assert set(log.read_text().split()) == {"pioneer1/odom", "pioneer1/base_link"}
 
 
-def test_an_identical_rule_is_refused_with_rocons_code_and_the_running_one_continues(standing: Any) -> None:
+def test_an_identical_rule_is_refused_with_rocons_code_and_the_running_one_continues(
+    standing: Any,
+) -> None:
     base, robot = standing
     robot.talk("/p1/scan")
     ear = base.hear("/p1/scan")
     assert base.flip("robot", "subscriber", "/p1/scan") == 0
     ear.first_after(0.0)
     for _ in range(5):
-        assert base.flip("robot", "subscriber", "/p1/scan") == msg.ErrorCodes.FLIP_RULE_ALREADY_EXISTS
+        assert (
+            base.flip("robot", "subscriber", "/p1/scan") == msg.ErrorCodes.FLIP_RULE_ALREADY_EXISTS
+        )
     ear.first_after(time.monotonic())
     gaps = [late - early for early, late in itertools.pairwise(ear.times())]
     assert max(gaps) < 1.0, "the probe publishes ten times a second"
     assert base.states()["flip /p1/scan"] == "active"
 
 
-def test_with_an_anaconda_first_on_the_path_everything_runs_and_doctor_reports_it(fleet: Any) -> None:
+def test_with_an_anaconda_first_on_the_path_everything_runs_and_doctor_reports_it(
+    fleet: Any,
+) -> None:
     folder = fleet.folder / "anaconda" / "bin"
     folder.mkdir(parents=True)
     for name in ("python", "python3"):
-        (folder / name).write_text("#!/bin/sh\necho \"ModuleNotFoundError: No module named 'rospy'\" >&2\nexit 1\n")
+        (folder / name).write_text(
+            "#!/bin/sh\necho \"ModuleNotFoundError: No module named 'rospy'\" >&2\nexit 1\n"
+        )
         (folder / name).chmod(0o755)
     environment = {"PATH": f"{folder}{os.pathsep}{os.environ['PATH']}"}
     fleet.start_hub(environment)
     base = fleet.site("base").start(environment).connected()
     command = ["rosrun", "rocon_gateway", "doctor"]
     variables = {**base.master.environment, **environment}
-    done = subprocess.run(command, env=variables, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(
+        command, env=variables, capture_output=True, text=True, check=False, timeout=60
+    )
     said = done.stdout + done.stderr
     assert f"the first python3 on the PATH, {folder}/python3, cannot import rospy" in said
     assert f"→ export PATH={Path(sys.executable).parent}:$PATH" in said
@@ -134,7 +170,9 @@ def test_a_hub_that_goes_and_comes_is_one_line_each_in_every_gateway(pair: Any, 
     ear.first_after(0.0)
     before = [site.log.read_text() for site in pair]
     os.kill(fleet.hub_pid, signal.SIGINT)
-    wait_until(lambda: not any(site.info().connected for site in pair), "gateways without a hub", 10)
+    wait_until(
+        lambda: not any(site.info().connected for site in pair), "gateways without a hub", 10
+    )
     gone = time.monotonic()
     # Meanwhile they retry and log nothing.
     wait_until(lambda: time.monotonic() - gone > 5.0, "attempts of some seconds", 10)
@@ -143,7 +181,11 @@ def test_a_hub_that_goes_and_comes_is_one_line_each_in_every_gateway(pair: Any, 
         wait_until(lambda site=site: site.info().connected, f"{site.name} on the new hub", 30)
     wait_until(lambda: pair[0].states()["flip /a"] == "active", "the rule", 10)
     for site, text in zip(pair, before, strict=True):
-        later = [line for line in site.log.read_text().removeprefix(text).splitlines() if "hub" in line.lower()]
+        later = [
+            line
+            for line in site.log.read_text().removeprefix(text).splitlines()
+            if "hub" in line.lower()
+        ]
         assert len(later) == 2, later
         assert "lost" in later[0]
         assert "on hub" in later[1]
@@ -152,7 +194,9 @@ def test_a_hub_that_goes_and_comes_is_one_line_each_in_every_gateway(pair: Any, 
 
 
 @pytest.mark.parametrize("order", ["hub base robot", "robot hub base", "base robot hub"])
-def test_ctrl_c_in_any_order_ends_each_at_once_with_status_0(pair: Any, fleet: Any, order: str) -> None:
+def test_ctrl_c_in_any_order_ends_each_at_once_with_status_0(
+    pair: Any, fleet: Any, order: str
+) -> None:
     base, robot = pair
     robot.talk("/a")
     base.flip("robot", "subscriber", "/a")
@@ -161,4 +205,8 @@ def test_ctrl_c_in_any_order_ends_each_at_once_with_status_0(pair: Any, fleet: A
     for name in order.split():
         os.kill(pids[name], signal.SIGINT)
         wait_until(lambda name=name: not fleet.group.is_running(name), f"the end of {name}", 5)
-    assert {death.name: death.status for death in fleet.group.deaths} == {"hub": 0, "base": 0, "robot": 0}
+    assert {death.name: death.status for death in fleet.group.deaths} == {
+        "hub": 0,
+        "base": 0,
+        "robot": 0,
+    }

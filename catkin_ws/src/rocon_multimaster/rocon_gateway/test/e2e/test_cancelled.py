@@ -8,10 +8,14 @@ import pytest
 from pioneer_harness.wait import wait_until
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 
-def test_a_flip_that_is_cancelled_while_the_hub_is_frozen_is_gone_after_its_thaw(standing_fleet, standing) -> None:
+def test_a_flip_that_is_cancelled_while_the_hub_is_frozen_is_gone_after_its_thaw(
+    standing_fleet, standing
+) -> None:
     base, robot = standing
     robot.talk("/flow")
     assert robot.flip("base", "publisher", "/flow") == 0
@@ -29,7 +33,9 @@ def test_a_flip_that_is_cancelled_while_the_hub_is_frozen_is_gone_after_its_thaw
     wait_until(lambda: base.publishers("/flow") == [], "no proxy", 5)
 
 
-def test_a_killed_gateway_that_comes_back_without_its_rule_flips_nothing(standing_fleet, standing) -> None:
+def test_a_killed_gateway_that_comes_back_without_its_rule_flips_nothing(
+    standing_fleet, standing
+) -> None:
     base, _ = standing
     site = standing_fleet.site("third").start().connected()
     site.talk("/flow")

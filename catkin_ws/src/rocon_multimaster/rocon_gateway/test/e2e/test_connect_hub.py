@@ -15,7 +15,9 @@ from rocon_hub_protocol.record import PROTOCOL, Record
 from rocon_hub_protocol.redis_client import Access
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 Connect = Callable[..., Code]
 
@@ -27,7 +29,13 @@ def connect() -> Iterator[Connect]:
 
     def call(uri: str, name: str = "caller", **settings: object) -> Code:
         if name not in made:
-            made[name] = Hubs(HubsConfig(**settings), Record(name, name, "", 1), set, list, logging.getLogger(name))
+            made[name] = Hubs(
+                HubsConfig(**settings),
+                Record(name, name, "", 1),
+                set,
+                list,
+                logging.getLogger(name),
+            )
         try:
             made[name].connect(uri)
         except HubError as error:
@@ -43,7 +51,9 @@ def connect() -> Iterator[Connect]:
 def strange_redis(fleet) -> str:
     """The address of a Redis that is not a hub."""
     port = fleet.ports.take(17380)
-    fleet.group.start("redis", ["redis-server", "--port", str(port), "--save", ""], {}, fleet.folder / "redis.log")
+    fleet.group.start(
+        "redis", ["redis-server", "--port", str(port), "--save", ""], {}, fleet.folder / "redis.log"
+    )
     wait_until(lambda: is_running(f"http://127.0.0.1:{port}"), "the server", START)
     return f"http://127.0.0.1:{port}"
 
@@ -51,13 +61,21 @@ def strange_redis(fleet) -> str:
 def test_connect_hub_takes_an_address_without_a_scheme(fleet, connect) -> None:
     fleet.start_hub()
     wait_until(lambda: is_running(fleet.hub_uri), "the hub's port", START)
-    assert wait_until(lambda: connect(f"127.0.0.1:{fleet.hub_port}") == Code.SUCCESS, "on the hub", 20)
+    assert wait_until(
+        lambda: connect(f"127.0.0.1:{fleet.hub_port}") == Code.SUCCESS, "on the hub", 20
+    )
     assert connect(fleet.hub_uri) == Code.HUB_CONNECTION_ALREADY_EXISTS
     barred = {"blacklist": (fleet.hub_name,)}
     assert connect(fleet.hub_uri, "barred", **barred) == Code.HUB_CONNECTION_BLACKLISTED
     unlisted = {"whitelist": ("Another Hub",)}
-    assert connect(fleet.hub_uri, "unlisted", **unlisted) == Code.HUB_CONNECTION_NOT_IN_NONEMPTY_WHITELIST
-    assert connect(fleet.hub_uri, "wrong", access=Access(lambda: "not its password")) == Code.HUB_CONNECTION_FAILED
+    assert (
+        connect(fleet.hub_uri, "unlisted", **unlisted)
+        == Code.HUB_CONNECTION_NOT_IN_NONEMPTY_WHITELIST
+    )
+    assert (
+        connect(fleet.hub_uri, "wrong", access=Access(lambda: "not its password"))
+        == Code.HUB_CONNECTION_FAILED
+    )
 
 
 def test_each_call_of_connect_hub_looks_again(strange_redis, connect) -> None:

@@ -13,7 +13,9 @@ from gateway_msgs import srv
 from pioneer_harness.wait import wait_until
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 
 @pytest.mark.parametrize("insecure", [False, True], ids=["own machine", "network"])
@@ -44,7 +46,9 @@ def test_a_hub_that_moves_is_found_again(fleet) -> None:
 
 def test_a_blacklisted_hub_is_left_alone_and_said_once(fleet) -> None:
     barred = [fleet.hub_uri.replace("127.0.0.1", "localhost")]
-    site = fleet.site("base").start(hub_uri="", hub_whitelist=[fleet.hub_name], hub_blacklist=barred)
+    site = fleet.site("base").start(
+        hub_uri="", hub_whitelist=[fleet.hub_name], hub_blacklist=barred
+    )
     fleet.start_hub(zeroconf=True)
     wait_until(lambda: "is blacklisted" in site.log.read_text(), "the refusal", 60)
     answer = site.call("connect_hub", srv.ConnectHub, uri=fleet.hub_uri)
@@ -56,7 +60,11 @@ def test_without_mdns_a_gateway_waits_for_connect_hub(fleet) -> None:
     site = fleet.site("base").start(hub_uri="", disable_zeroconf=True)
     assert "waiting for a call of ~connect_hub" in site.log.read_text()
     fleet.start_hub(zeroconf=True)
-    assert wait_until(lambda: site.call("connect_hub", srv.ConnectHub, uri=fleet.hub_uri).result == 0, "the hub", 60)
+    assert wait_until(
+        lambda: site.call("connect_hub", srv.ConnectHub, uri=fleet.hub_uri).result == 0,
+        "the hub",
+        60,
+    )
     site.connected()
 
 

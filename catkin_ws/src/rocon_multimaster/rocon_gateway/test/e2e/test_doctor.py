@@ -12,7 +12,9 @@ from pioneer_harness.masters import MasterProcess
 from pioneer_harness.wait import wait_until
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +26,11 @@ def three(machine, shared_fleet):
     master = MasterProcess(fleet.group, 11311, fleet.folder, machine.there, machine.prefix)
     base, second = fleet.site("base"), fleet.site("second")
     far = fleet.site("far", master, machine.prefix)
-    for site, environment in ((base, {"ROS_IP": machine.here}), (second, {"ROS_IP": machine.here}), (far, None)):
+    for site, environment in (
+        (base, {"ROS_IP": machine.here}),
+        (second, {"ROS_IP": machine.here}),
+        (far, None),
+    ):
         site.start(environment, insecure=True).connected()
     return base, second, far
 
@@ -32,14 +38,20 @@ def three(machine, shared_fleet):
 def doctor(site, *argv: str, uri: str = "") -> tuple[int, str]:
     environment = {**site.master.environment, **({"ROS_MASTER_URI": uri} if uri else {})}
     done = subprocess.run(
-        ["rosrun", "rocon_gateway", "doctor", *argv], env=environment, capture_output=True, text=True, timeout=60
+        ["rosrun", "rocon_gateway", "doctor", *argv],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
     )
     return done.returncode, done.stdout + done.stderr
 
 
 def row(said: str, name: str) -> list[str]:
     """Returns the cells of a gateway's row in the table."""
-    (line,) = [one for one in said.splitlines() if one.split()[1:2] == [name] or one.split()[:1] == [name]]
+    (line,) = [
+        one for one in said.splitlines() if one.split()[1:2] == [name] or one.split()[:1] == [name]
+    ]
     cells = line.split()
     return cells[cells.index(name) + 1 :]
 
@@ -54,7 +66,9 @@ def test_every_gateway_looks_at_every_link_and_all_is_well(three, machine) -> No
     for site in three:
         assert f"2 relays answer at gateway '{site.name}'" in said
         assert f"that at gateway '{site.name}'" in said
-        assert f"the machine's name '{machine.there if site is far else machine.here}' means" in said
+        assert (
+            f"the machine's name '{machine.there if site is far else machine.here}' means" in said
+        )
     assert all("Traceback" not in site.log.read_text() for site in three)
 
 
@@ -77,11 +91,15 @@ def test_a_relay_port_that_one_gateway_cannot_reach_is_named_and_no_other(three,
         ["ok", "ok", "-"],
     )
     faults = [line for line in said.splitlines() if line.startswith("fault")]
-    assert faults == [f"fault    gateway 'second', seen at gateway 'far', at {machine.here}:{port}: no answer"]
+    assert faults == [
+        f"fault    gateway 'second', seen at gateway 'far', at {machine.here}:{port}: no answer"
+    ]
     assert f"→ let TCP port {port} through the firewall of {machine.here}" in said
 
 
-def test_a_gateway_that_does_not_answer_is_a_finding_and_costs_a_bounded_time(three, shared_fleet, machine) -> None:
+def test_a_gateway_that_does_not_answer_is_a_finding_and_costs_a_bounded_time(
+    three, shared_fleet, machine
+) -> None:
     base, second, _ = three
     client = redis.Redis(machine.here, shared_fleet.hub_port)
     silent = shared_fleet.family(second.pid)
@@ -100,7 +118,9 @@ def test_a_gateway_that_does_not_answer_is_a_finding_and_costs_a_bounded_time(th
 
 
 def test_a_machine_without_a_gateway_looks_from_where_it_is(three, shared_fleet) -> None:
-    status, said = doctor(shared_fleet.sites[0], "--hub", shared_fleet.hub_uri, uri="http://127.0.0.1:9")
+    status, said = doctor(
+        shared_fleet.sites[0], "--hub", shared_fleet.hub_uri, uri="http://127.0.0.1:9"
+    )
     assert status == 1
     assert "the ROS master at 127.0.0.1:9: Connection refused" in said
     assert row(said, "(here)") == ["ok", "ok", "ok"]

@@ -12,7 +12,9 @@ from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 
 def interrupted(site, fleet) -> float:
@@ -55,14 +57,29 @@ def test_a_gateway_whose_master_is_gone_reports_it_once_and_ends(fleet, tmp_path
     group, ports = ProcessGroup(), PortReservation()
     port = ports.take(15311)
     uri = f"http://127.0.0.1:{port}"
-    environment = {**os.environ, "ROS_MASTER_URI": uri, "ROS_IP": "127.0.0.1", "ROS_HOME": str(tmp_path / "home")}
+    environment = {
+        **os.environ,
+        "ROS_MASTER_URI": uri,
+        "ROS_IP": "127.0.0.1",
+        "ROS_HOME": str(tmp_path / "home"),
+    }
     log = tmp_path / "orphan.log"
     try:
-        master = group.start("master", ["rosmaster", "--core", "-p", str(port)], environment, tmp_path / "m.log", True)
+        master = group.start(
+            "master",
+            ["rosmaster", "--core", "-p", str(port)],
+            environment,
+            tmp_path / "m.log",
+            True,
+        )
         fleet.start_hub()
         argv = ["rosrun", "rocon_gateway", "gateway", "_name:=orphan", f"_hub_uri:={fleet.hub_uri}"]
         gateway = group.start("gateway", argv, environment, log, True)
-        wait_until(lambda: "relay on port" in _text(log) and "on hub" in _text(log), "the gateway on its hub", 60)
+        wait_until(
+            lambda: "relay on port" in _text(log) and "on hub" in _text(log),
+            "the gateway on its hub",
+            60,
+        )
         os.kill(master, signal.SIGKILL)
         wait_until(lambda: "does not answer" in _text(log), "the loss", 10)
         before = _text(log)
@@ -73,7 +90,10 @@ def test_a_gateway_whose_master_is_gone_reports_it_once_and_ends(fleet, tmp_path
         report("end without a master", took)
         assert took < 3.0
         assert _text(log).count("does not answer") == 1
-        assert len([line for line in _text(log).removeprefix(before).splitlines() if line.strip()]) <= 1, _text(log)
+        assert (
+            len([line for line in _text(log).removeprefix(before).splitlines() if line.strip()])
+            <= 1
+        ), _text(log)
     finally:
         group.stop()
         ports.release()

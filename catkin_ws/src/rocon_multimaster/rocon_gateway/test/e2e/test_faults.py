@@ -15,7 +15,9 @@ from pioneer_harness.wait import START, wait_until
 from tcpros.client import ClientError
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 
 @pytest.fixture
@@ -30,7 +32,9 @@ def flow(standing):
     return ear
 
 
-def test_a_frozen_hub_stops_no_data_and_its_thaw_restores_everything(standing_fleet, standing, flow, report) -> None:
+def test_a_frozen_hub_stops_no_data_and_its_thaw_restores_everything(
+    standing_fleet, standing, flow, report
+) -> None:
     base, robot = standing
     redis, began = standing_fleet.redis_pid(), time.monotonic()
     os.kill(redis, signal.SIGSTOP)
@@ -42,19 +46,31 @@ def test_a_frozen_hub_stops_no_data_and_its_thaw_restores_everything(standing_fl
         os.kill(redis, signal.SIGCONT)
     back = time.monotonic()
     wait_until(lambda: base.states()["flip /flow"] == "active", "active", 5)
-    wait_until(lambda: base.states().get("flip /meanwhile", "").startswith("no such topic"), "the new rule's answer", 8)
+    wait_until(
+        lambda: base.states().get("flip /meanwhile", "").startswith("no such topic"),
+        "the new rule's answer",
+        8,
+    )
     report("rules answered after the thaw", time.monotonic() - back)
-    wait_until(lambda: time.monotonic() - back > 7, "what expired meanwhile would be gone by now", 10)
+    wait_until(
+        lambda: time.monotonic() - back > 7, "what expired meanwhile would be gone by now", 10
+    )
     assert longest_gap(flow.times(), began) < 1.0
 
 
-def test_a_killed_redis_comes_back_and_no_data_stops(standing_fleet, standing, flow, report) -> None:
+def test_a_killed_redis_comes_back_and_no_data_stops(
+    standing_fleet, standing, flow, report
+) -> None:
     base, robot = standing
     old, began = standing_fleet.redis_pid(), time.monotonic()
     os.kill(old, signal.SIGKILL)
     wait_until(lambda: standing_fleet.redis_pid() not in (0, old), "another Redis", 5)
     base.flip("robot", "subscriber", "/meanwhile")
-    wait_until(lambda: base.states().get("flip /meanwhile", "").startswith("no such topic"), "the new rule's answer", 8)
+    wait_until(
+        lambda: base.states().get("flip /meanwhile", "").startswith("no such topic"),
+        "the new rule's answer",
+        8,
+    )
     report("Redis killed: rules answered", time.monotonic() - began)
     wait_until(lambda: base.states()["flip /flow"] == "active", "active", 5)
     flow.first_after(time.monotonic())
@@ -62,7 +78,9 @@ def test_a_killed_redis_comes_back_and_no_data_stops(standing_fleet, standing, f
     assert (base.info().connected, robot.info().connected) == (True, True)
 
 
-def test_a_frozen_gateway_is_noticed_and_welcomed_back(standing_fleet, standing, flow, report) -> None:
+def test_a_frozen_gateway_is_noticed_and_welcomed_back(
+    standing_fleet, standing, flow, report
+) -> None:
     base, robot = standing
     frozen = standing_fleet.family(robot.pid)
     began = time.monotonic()
@@ -81,7 +99,9 @@ def test_a_frozen_gateway_is_noticed_and_welcomed_back(standing_fleet, standing,
     wait_until(lambda: base.states()["flip /flow"] == "active", "active", 5)
 
 
-def test_the_newer_of_two_gateways_of_one_name_wins_and_the_older_returns_after_it(standing_fleet, standing) -> None:
+def test_the_newer_of_two_gateways_of_one_name_wins_and_the_older_returns_after_it(
+    standing_fleet, standing
+) -> None:
     _, robot = standing
     twin = standing_fleet.site("twin").start(name="robot").connected()
     wait_until(lambda: not robot.info().connected, "the older withdraws", 5)
@@ -96,7 +116,11 @@ def test_a_jump_of_simulated_time_changes_nothing(standing_fleet, standing) -> N
     site = standing_fleet.site("simulated")
     site.master.set_param("/use_sim_time", True)
     clock = site.probe("clock", "clock", "/clock", 50)
-    wait_until(lambda: site.publishers("/clock"), "the clock, which signals would end before it is there", START)
+    wait_until(
+        lambda: site.publishers("/clock"),
+        "the clock, which signals would end before it is there",
+        START,
+    )
     site.start().connected()
     robot.talk("/before")
     ear = site.hear("/before")
@@ -124,15 +148,23 @@ def test_a_master_that_is_restarted_under_its_gateway_learns_everything_again(
         assert site.flip("robot", "subscriber", "/kept") == 0
         wait_until(lambda: site.publishers("/kept") == ["/robot/talker"], "the proxy", 5)
         master.restart()
-        wait_until(lambda: site.publishers("/kept") == ["/robot/talker"], "the proxy on the new master", 10)
-        wait_until(lambda: site.states() == {"flip /kept": "active"}, "the gateway's own topics and services", 10)
+        wait_until(
+            lambda: site.publishers("/kept") == ["/robot/talker"], "the proxy on the new master", 10
+        )
+        wait_until(
+            lambda: site.states() == {"flip /kept": "active"},
+            "the gateway's own topics and services",
+            10,
+        )
         site.hear("/kept").first_after(0.0)
         assert site.flip("robot", "subscriber", "/other") == 0
         assert site.log.read_text().count("restarted; registered again") == 1
         site.stop()
 
 
-def test_in_a_ring_of_three_that_flips_everything_each_message_comes_once(standing_fleet, standing) -> None:
+def test_in_a_ring_of_three_that_flips_everything_each_message_comes_once(
+    standing_fleet, standing
+) -> None:
     base, robot = standing
     third = standing_fleet.site("third").start().connected()
     ring = (base, robot, third)
@@ -146,8 +178,12 @@ def test_in_a_ring_of_three_that_flips_everything_each_message_comes_once(standi
         assert site.flip(onward.name, "publisher", ".*") == 0
         assert site.flip(onward.name, "subscriber", ".*") == 0
     for site in ring:
-        all_of_them = sorted(["/source", *(f"/{other.name}/source" for other in ring if other is not site)])
-        wait_until(lambda s=site, o=all_of_them: s.publishers("/ring") == o, "each of the others once", 15)
+        all_of_them = sorted(
+            ["/source", *(f"/{other.name}/source" for other in ring if other is not site)]
+        )
+        wait_until(
+            lambda s=site, o=all_of_them: s.publishers("/ring") == o, "each of the others once", 15
+        )
         wait_until(lambda s=site: checked(ears[s]), f"messages at {site.name}", START)
     began = time.monotonic()
     wait_until(lambda: time.monotonic() - began > 1.0, "some time for echoes", 3)
@@ -172,8 +208,16 @@ def test_a_publisher_that_returns_with_another_type_is_reported_with_both(standi
     wait_until(lambda: base.states()["flip /fickle"] == both, "both types in the rule's state", 10)
     report("publisher back with another type: noticed", time.monotonic() - began)
     base.end_probe("listener")
-    wait_until(lambda: base.states()["flip /fickle"] == "active", "the rule is active without the old listener", 10)
-    wait_until(lambda: published_type(base, "/robot/talker", "/fickle") == "std_msgs/Int32", "the new type", 5)
+    wait_until(
+        lambda: base.states()["flip /fickle"] == "active",
+        "the rule is active without the old listener",
+        10,
+    )
+    wait_until(
+        lambda: published_type(base, "/robot/talker", "/fickle") == "std_msgs/Int32",
+        "the new type",
+        5,
+    )
 
 
 def published_type(site, node: str, topic: str) -> str:

@@ -20,7 +20,9 @@ from pioneer_harness.wait import START, wait_until
 from rocon_hub_protocol.key import GATEWAYS_KEY, alive_key, record_key, requests_key
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 
 @pytest.fixture
@@ -57,14 +59,20 @@ def assert_none_doubled(log: Path) -> None:
     wait_until(lambda: checked(log)[-1][0] > began, "the flow continues", 5)
     rows = checked(log)
     assert all(good for *_, good in rows)
-    assert all(late[1] > early[1] and late[0] - early[0] < 2.0 for early, late in itertools.pairwise(rows))
+    assert all(
+        late[1] > early[1] and late[0] - early[0] < 2.0 for early, late in itertools.pairwise(rows)
+    )
 
 
 def test_garbage_in_redis_values_does_no_harm(standing_fleet, standing, flow) -> None:
     base, robot = standing
     client = redis.Redis(port=standing_fleet.hub_port)
     own = client.get(record_key("robot"))
-    records = [own.replace(b'"127.0.0.1"', b'"\\u0000"'), own.replace(b"false", b"0"), *drawn(nonsense.records, 40)]
+    records = [
+        own.replace(b'"127.0.0.1"', b'"\\u0000"'),
+        own.replace(b"false", b"0"),
+        *drawn(nonsense.records, 40),
+    ]
     strange = json.loads(own)
     for number, odd in enumerate((" ", "/../", "\ud800", "x" * 3000, "ghost*?[", "robot\n")):
         strange |= {"name": odd, "host": odd, "port": 10**9 - number}
@@ -74,14 +82,20 @@ def test_garbage_in_redis_values_does_no_harm(standing_fleet, standing, flow) ->
     base.pull(".*", "publisher", ".*")
     requests = [b"[" * 100_000, b'{"offers":NaN}', *drawn(nonsense.requests, 60), *records]
     suffixes = drawn(st.binary(max_size=3), len(requests))
-    for number, (request, suffix) in enumerate(zip(requests, itertools.cycle(suffixes), strict=False)):
+    for number, (request, suffix) in enumerate(
+        zip(requests, itertools.cycle(suffixes), strict=False)
+    ):
         ghost = f"ghost{number}".encode() + suffix
         client.hset(requests_key("base"), ghost, request)
         client.set(record_key("").encode() + ghost, records[number % len(records)])
         client.set(alive_key("").encode() + ghost, b"\xff", px=1500)
         client.sadd(GATEWAYS_KEY, ghost)
-        client.publish(GATEWAYS_KEY, (request, b'{"gateway": 3, "event": "joined"}', b"[]")[number % 3])
-        client.publish(GATEWAYS_KEY, b'{"gateway": "' + f"ghost{number}".encode() + b'", "event": "joined"}')
+        client.publish(
+            GATEWAYS_KEY, (request, b'{"gateway": 3, "event": "joined"}', b"[]")[number % 3]
+        )
+        client.publish(
+            GATEWAYS_KEY, b'{"gateway": "' + f"ghost{number}".encode() + b'", "event": "joined"}'
+        )
         client.publish(requests_key("base"), ghost)
         client.publish(record_key("robot"), request)
     for key in (requests_key("base"), requests_key("robot")):
@@ -97,7 +111,9 @@ def test_garbage_in_redis_values_does_no_harm(standing_fleet, standing, flow) ->
     assert_none_doubled(flow)
 
 
-def test_a_wrong_type_under_every_key_of_the_hub_is_overcome(standing_fleet, standing, flow) -> None:
+def test_a_wrong_type_under_every_key_of_the_hub_is_overcome(
+    standing_fleet, standing, flow
+) -> None:
     base, robot = standing
     client = redis.Redis(port=standing_fleet.hub_port)
     for key in (GATEWAYS_KEY, record_key("base"), alive_key("base"), "rocon:lost:base"):
@@ -112,14 +128,19 @@ def test_a_wrong_type_under_every_key_of_the_hub_is_overcome(standing_fleet, sta
     assert_none_doubled(flow)
 
 
-def test_a_member_that_advertises_a_name_of_1_mb_stalls_nobody(standing_fleet, standing, flow) -> None:
+def test_a_member_that_advertises_a_name_of_1_mb_stalls_nobody(
+    standing_fleet, standing, flow
+) -> None:
     """Every gateway with a pattern that begins with `.*` once spent hours matching it against that name."""
     base, robot = standing
     assert base.pull(".*", "publisher", ".*/move_base/.*") == 0
     assert robot.pull(".*", "publisher", r"/(\w+/?)+/odom") == 0
     record = json.loads(redis.Redis(port=standing_fleet.hub_port).get(record_key("robot")))
     names = ["/" + "a/" * 500_000, "/" + "a/" * 120]
-    record |= {"name": "ghost", "advertisements": [["publisher", one, "std_msgs/String", "/ghost"] for one in names]}
+    record |= {
+        "name": "ghost",
+        "advertisements": [["publisher", one, "std_msgs/String", "/ghost"] for one in names],
+    }
     with redis.Redis(port=standing_fleet.hub_port) as client:
         client.set(record_key("ghost"), json.dumps(record))
         client.set(alive_key("ghost"), "1", px=5000)
@@ -128,7 +149,11 @@ def test_a_member_that_advertises_a_name_of_1_mb_stalls_nobody(standing_fleet, s
     wait_until(lambda: "ghost" in known(base), "the ghost is known", 5)
     robot.talk("/pioneer1/move_base/plan", "honest")
     robot.advertise("/pioneer1/move_base/plan")
-    wait_until(lambda: base.publishers("/pioneer1/move_base/plan") == ["/robot/honest"], "rules still work", 10)
+    wait_until(
+        lambda: base.publishers("/pioneer1/move_base/plan") == ["/robot/honest"],
+        "rules still work",
+        10,
+    )
     assert_unbroken(flow)
 
 
@@ -138,7 +163,9 @@ def known(site) -> list[str]:
     return [one.name for one in answer.gateways]
 
 
-def test_half_handshakes_and_garbage_on_the_relay_port_harm_nobody(standing_fleet, standing, flow) -> None:
+def test_half_handshakes_and_garbage_on_the_relay_port_harm_nobody(
+    standing_fleet, standing, flow
+) -> None:
     _base, robot = standing
     port = robot.relay_port()
     before = open_files(robot.pid)
@@ -148,7 +175,9 @@ def test_half_handshakes_and_garbage_on_the_relay_port_harm_nobody(standing_flee
         client.sendall(head)
         clients.append(client)
     assert_unbroken(flow)
-    wait_until(lambda: open_files(robot.pid) <= before, "the clients are disconnected, silent ones too", 10)
+    wait_until(
+        lambda: open_files(robot.pid) <= before, "the clients are disconnected, silent ones too", 10
+    )
     for client in clients:
         client.close()
     assert robot.log.read_text().count("Traceback") == 0
@@ -164,11 +193,17 @@ def test_thousands_of_rules_are_taken_kept_and_cancelled(standing, flow, report)
     assert base.advertise(*names).result == 0
     wait_until(lambda: len(base.states()) == 6001, "all have a state", 20)
     report("6000 rules taken", time.monotonic() - asked)
-    wait_until(lambda: base.states()["flip /many/topic2999"].startswith("no such topic"), "they are answered", 20)
+    wait_until(
+        lambda: base.states()["flip /many/topic2999"].startswith("no such topic"),
+        "they are answered",
+        20,
+    )
     report("6000 rules answered", time.monotonic() - asked)
     robot.talk("/many/topic1234")
     born = time.monotonic()
-    wait_until(lambda: base.publishers("/many/topic1234") == ["/robot/talker"], "one of them acts", 10)
+    wait_until(
+        lambda: base.publishers("/many/topic1234") == ["/robot/talker"], "one of them acts", 10
+    )
     report("one of 6000 acts", time.monotonic() - born)
     assert base.call("flip", srv.Remote, remotes=remotes, cancel=True).result == 0
     assert base.advertise(*names, cancel=True).result == 0
@@ -176,7 +211,9 @@ def test_thousands_of_rules_are_taken_kept_and_cancelled(standing, flow, report)
     assert_unbroken(flow)
 
 
-def test_a_subscriber_that_never_reads_costs_bounded_memory_and_slows_nobody(standing, standing_fleet, flow) -> None:
+def test_a_subscriber_that_never_reads_costs_bounded_memory_and_slows_nobody(
+    standing, standing_fleet, flow
+) -> None:
     base, robot = standing
     robot.probe("load", "big_source", "/big", MB, 20)
     log = standing_fleet.folder / "never-reads.log"
@@ -186,7 +223,11 @@ def test_a_subscriber_that_never_reads_costs_bounded_memory_and_slows_nobody(sta
     with base.subscription("/robot/big_source", "/big"):
         before, began = memory(base.pid), time.monotonic()
         # More data than may be buffered, over a time long enough to expose a blocked reader.
-        wait_until(lambda: sent_since(log, began) > 80 and time.monotonic() - began > 4.0, "a reader beside it", 30)
+        wait_until(
+            lambda: sent_since(log, began) > 80 and time.monotonic() - began > 4.0,
+            "a reader beside it",
+            30,
+        )
         assert memory(base.pid) - before < 40 * MB
     came = len([one for one, *_ in checked(log) if one > began])
     assert came > sent_since(log, began) / 2

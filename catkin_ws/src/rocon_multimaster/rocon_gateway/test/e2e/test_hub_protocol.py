@@ -75,11 +75,15 @@ def test_requests_survive_an_emptied_hub_until_their_senders_can_write(bench: Be
     base.find()
     assert base.hears("robot") == REQUEST
     robot.find()
-    wait_until(lambda: bench.client.hexists(requests_key("base"), "robot"), "the request on the hub", 5)
+    wait_until(
+        lambda: bench.client.hexists(requests_key("base"), "robot"), "the request on the hub", 5
+    )
     assert base.hears("robot") == REQUEST
 
 
-def test_a_thousand_who_join_at_once_are_read_together_and_cost_no_sign_of_life(bench: Bench) -> None:
+def test_a_thousand_who_join_at_once_are_read_together_and_cost_no_sign_of_life(
+    bench: Bench,
+) -> None:
     """Each joiner once cost a request to the hub, with no heartbeat in between: a slow gateway was declared lost."""
     proxy = TcpProxy("127.0.0.1", bench.port)
     proxy.delay = 0.005
@@ -115,7 +119,10 @@ def questions(bench: Bench, command: str = "hmget") -> int:
 
 
 def test_who_is_gone_is_struck_from_each_receivers_requests_by_one_command(bench: Bench) -> None:
-    gone, left = [f"gone{number}" for number in range(50)], [f"robot{number}" for number in range(20)]
+    gone, left = (
+        [f"gone{number}" for number in range(50)],
+        [f"robot{number}" for number in range(20)],
+    )
     bench.client.sadd(GATEWAYS_KEY, *gone, *left)
     for name in left:
         bench.client.set(alive_key(name), "1")
@@ -148,7 +155,9 @@ def test_a_starting_hub_without_a_name_is_accepted_unless_it_stays_so(bench: Ben
     bench.client.delete(NAME_KEY)
     base.tries, base.is_barred = 0, False
     wait_until(lambda: base.complaints, "what is said of it", 5)
-    assert base.complaints == [(2, f"the Redis at http://127.0.0.1:{bench.port} is not a hub: it has no name")]
+    assert base.complaints == [
+        (2, f"the Redis at http://127.0.0.1:{bench.port} is not a hub: it has no name")
+    ]
 
 
 def test_requests_to_who_takes_its_leave_go_with_it(bench: Bench) -> None:

@@ -10,7 +10,9 @@ from gateway_msgs import msg
 from pioneer_harness.wait import wait_until
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 ORDERS = (
     "hub base robot talker listener rule",

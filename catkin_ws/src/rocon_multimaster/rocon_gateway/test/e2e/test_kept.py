@@ -39,7 +39,9 @@ def test_files_of_a_gateway_that_left_are_there_before_the_next_of_its_name_has_
     assert bench.client.get(KEY) == there.text()
 
 
-def test_an_emptied_hub_gets_the_files_again_and_loses_those_that_are_removed(bench: Bench, tmp_path: Path) -> None:
+def test_an_emptied_hub_gets_the_files_again_and_loses_those_that_are_removed(
+    bench: Bench, tmp_path: Path
+) -> None:
     here = folder(tmp_path / "here")
     (tmp_path / "here" / "correction.json").write_text("somewhere")
     seat = bench.seat("aadi1_gateway", restore=here.restore)
@@ -53,7 +55,9 @@ def test_an_emptied_hub_gets_the_files_again_and_loses_those_that_are_removed(be
     wait_until(lambda: bench.client.get(KEY) is None, "nothing on the hub", 5)
 
 
-def test_something_else_in_its_place_does_not_keep_a_gateway_from_the_hub(bench: Bench, tmp_path: Path) -> None:
+def test_something_else_in_its_place_does_not_keep_a_gateway_from_the_hub(
+    bench: Bench, tmp_path: Path
+) -> None:
     bench.client.sadd(KEY, "no text")
     bench.seat("aadi1_gateway", restore=folder(tmp_path / "here").restore)
     assert not list((tmp_path / "here").iterdir())

@@ -17,7 +17,9 @@ from pioneer_harness.masters import Master
 from pioneer_harness.wait import wait_until
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 
 class MadMaster(Master):
@@ -27,12 +29,20 @@ class MadMaster(Master):
         super().__init__()
         self.front = ThreadingHTTPServer(("127.0.0.1", 0), _Handler)
         self.front.daemon_threads = True
-        self.front.behind, self.front.is_mad, self.front.before, self.front.after = self.port, False, {}, {}
+        self.front.behind, self.front.is_mad, self.front.before, self.front.after = (
+            self.port,
+            False,
+            {},
+            {},
+        )
         threading.Thread(target=self.front.serve_forever, args=(0.05,), daemon=True).start()
 
     @property
     def environment(self) -> dict[str, str]:
-        return {**super().environment, "ROS_MASTER_URI": f"http://127.0.0.1:{self.front.server_port}/"}
+        return {
+            **super().environment,
+            "ROS_MASTER_URI": f"http://127.0.0.1:{self.front.server_port}/",
+        }
 
     def stop(self) -> None:
         self.front.shutdown()
@@ -77,7 +87,9 @@ def mad(standing_fleet) -> Iterator[MadMaster]:
     made.front.is_mad = False
 
 
-def test_a_master_that_answers_nonsense_stops_no_data_and_is_one_line(standing_fleet, standing, mad) -> None:
+def test_a_master_that_answers_nonsense_stops_no_data_and_is_one_line(
+    standing_fleet, standing, mad
+) -> None:
     _, robot = standing
     site = standing_fleet.site("bedlam", mad)
     site.start().connected()
@@ -98,7 +110,9 @@ def test_a_master_that_answers_nonsense_stops_no_data_and_is_one_line(standing_f
     assert (said.count(lost), said.count(back), said.count("registered again")) == (1, 1, 0)
 
 
-def test_a_change_by_service_shows_once_it_has_answered_on_a_slow_master(standing_fleet, mad) -> None:
+def test_a_change_by_service_shows_once_it_has_answered_on_a_slow_master(
+    standing_fleet, mad
+) -> None:
     """A script that flipped and then read the rules once received the old ones."""
     site = standing_fleet.site("hospital", mad).start().connected()
     slow = threading.Event()
@@ -112,7 +126,9 @@ def test_a_change_by_service_shows_once_it_has_answered_on_a_slow_master(standin
     slow.set()
 
 
-def test_a_gateway_unregistered_during_shutdown_does_not_re_register(standing_fleet, standing, mad) -> None:
+def test_a_gateway_unregistered_during_shutdown_does_not_re_register(
+    standing_fleet, standing, mad
+) -> None:
     """A gateway that polled the master during shutdown once took it for a restarted one and left a dead node there."""
     site = standing_fleet.site("asylum", mad).start().connected()
     asked, looked, registered = threading.Event(), threading.Event(), threading.Event()

@@ -14,7 +14,9 @@ from pioneer_harness.masters import MasterProcess
 from pioneer_harness.wait import START, wait_until
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +115,11 @@ def test_a_link_dropped_by_a_middlebox_is_noticed_within_10_s(machine, far, repo
             done.append(rule)
         wait_until(lambda: base.publishers("/small") == [], "the far side is unregistered", 15)
         noticed = time.monotonic() - cut
-        wait_until(lambda: base.states()["flip /small"].startswith("unreachable"), "the rule's state to change", 5)
+        wait_until(
+            lambda: base.states()["flip /small"].startswith("unreachable"),
+            "the rule's state to change",
+            5,
+        )
         assert (base.info().connected, robot.info().connected) == (True, True)
     finally:
         for rule in done:
@@ -151,7 +157,9 @@ def test_rules_work_over_a_hub_that_is_200_ms_away(behind_proxy, report) -> None
     assert robot.log.read_text().count("lost") == 0
 
 
-def test_a_peer_from_which_nothing_comes_any_more_is_noticed_within_10_s(fleet, behind_proxy, report) -> None:
+def test_a_peer_from_which_nothing_comes_any_more_is_noticed_within_10_s(
+    fleet, behind_proxy, report
+) -> None:
     """Emulates a cut cable on machines without network namespaces; the kernels keep acknowledging."""
     base, robot, proxy = behind_proxy
     ear = base.hear("/a")

@@ -10,7 +10,9 @@ from gateway_msgs import msg, srv
 from pioneer_harness.wait import wait_until
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 MULTIMASTER = Path(__file__).parents[3]
 
@@ -19,13 +21,17 @@ FAULTS = {
         "test_bad_requests_are_refused_and_everything_continues",
         "test_a_bad_default_rule_is_named_and_the_others_are_taken",
     ],
-    "a flip of exactly .* without flip_all kills the loop": ["test_bad_requests_are_refused_and_everything_continues"],
+    "a flip of exactly .* without flip_all kills the loop": [
+        "test_bad_requests_are_refused_and_everything_continues"
+    ],
     "a flip_all's extra blacklist leaks into the shared default": [
         "test_a_flip_alls_own_blacklist_bars_only_there",
         "test_flipping_all_replaces_that_gateways_flips_and_its_blacklist_ends_with_it",
         "test_a_blacklist_of_flip_all_ends_with_it_and_stays_private",
     ],
-    "unadvertising /a of /a, /b, /c removes /c": ["test_unadvertising_one_of_three_leaves_the_other_two"],
+    "unadvertising /a of /a, /b, /c removes /c": [
+        "test_unadvertising_one_of_three_leaves_the_other_two"
+    ],
     "ending advertise_all or flip_all may leave rules": [
         "test_advertising_all_replaces_and_ending_it_clears",
         "test_flips_show_exactly_the_five_accepted",
@@ -34,7 +40,9 @@ FAULTS = {
         "test_a_taken_service_name_is_blocked_until_its_server_is_gone",
         "test_a_local_server_keeps_its_name_and_the_rule_is_refused_not_accepted",
     ],
-    "a firewall that was seen once is never asked again": ["test_a_firewall_that_falls_lets_the_flip_in"],
+    "a firewall that was seen once is never asked again": [
+        "test_a_firewall_that_falls_lets_the_flip_in"
+    ],
     "nobody knows whether data arrives": [
         "test_a_broken_link_is_the_rules_state",
         "test_a_black_holed_link_is_noticed_within_10_s_and_reconnects",
@@ -45,8 +53,12 @@ FAULTS = {
     "rospy subscribers still receive an unflipped topic": [
         "test_flips_and_pulls_bring_messages_at_once_and_cancelling_ends_them"
     ],
-    "a new publisher is seen after up to 10 s": ["test_a_new_publisher_of_a_running_rule_is_heard_within_a_second"],
-    "losing the hub unregisters everything": ["test_a_killed_hub_stops_no_data_and_its_return_restores_everything"],
+    "a new publisher is seen after up to 10 s": [
+        "test_a_new_publisher_of_a_running_rule_is_heard_within_a_second"
+    ],
+    "losing the hub unregisters everything": [
+        "test_a_killed_hub_stops_no_data_and_its_return_restores_everything"
+    ],
     "shutting down leaves registrations, hangs or crashes without a hub": [
         "test_shutting_down_in_any_order_leaves_nothing_behind",
         "test_a_gateway_whose_hub_is_gone_ends_at_once",
@@ -59,7 +71,9 @@ FAULTS = {
         "test_a_busy_port_is_one_clear_line_and_the_first_hub_continues",
         "test_no_redis_outlives_its_hub",
     ],
-    "values that any client writes on the hub are unpickled": ["test_garbage_in_redis_values_does_no_harm"],
+    "values that any client writes on the hub are unpickled": [
+        "test_garbage_in_redis_values_does_no_harm"
+    ],
     "any client that can reach the hub may use it": [
         "test_a_password_is_asked_for_and_kept_out_of_the_log",
         "test_without_a_password_only_this_machine_may_connect",
@@ -89,14 +103,20 @@ FAULTS = {
     "the network interface cannot be set by gateway.launch": [
         "test_the_launch_files_have_rocons_arguments_with_their_defaults"
     ],
-    "a gateway's name must not hold a colon, nor what the hub globs": ["test_parts_may_come_in_any_order"],
+    "a gateway's name must not hold a colon, nor what the hub globs": [
+        "test_parts_may_come_in_any_order"
+    ],
     "a node called nonesuch counts as none": ["test_default_rules_become_rules"],
 }
 
 
 def test_every_fault_of_the_original_has_tests_that_exist() -> None:
     files = [*MULTIMASTER.glob("*/test/**/test_*.py")]
-    there = {name for file in files for name in re.findall(r"^def (test_\w+)", file.read_text(), re.MULTILINE)}
+    there = {
+        name
+        for file in files
+        for name in re.findall(r"^def (test_\w+)", file.read_text(), re.MULTILINE)
+    }
     assert {name for names in FAULTS.values() for name in names} <= there
 
 
@@ -126,7 +146,11 @@ def test_a_blacklist_of_flip_all_ends_with_it_and_stays_private(pair) -> None:
     barred = [msg.Rule("publisher", "/secret", "")]
     assert base.call("advertise_all", srv.AdvertiseAll).result == 0
     assert base.call("flip_all", srv.RemoteAll, gateway="robot", blacklist=barred).result == 0
-    wait_until(lambda: "/secret" in {rule.name for rule in base.info().public_interface}, "advertised all the same", 5)
+    wait_until(
+        lambda: "/secret" in {rule.name for rule in base.info().public_interface},
+        "advertised all the same",
+        5,
+    )
     assert robot.publishers("/secret") == []
     assert base.call("flip_all", srv.RemoteAll, gateway="robot", cancel=True).result == 0
     assert base.call("flip_all", srv.RemoteAll, gateway="robot").result == 0
@@ -135,7 +159,10 @@ def test_a_blacklist_of_flip_all_ends_with_it_and_stays_private(pair) -> None:
 
 def test_a_new_publisher_of_a_running_rule_is_heard_within_a_second(standing, report) -> None:
     base, robot = standing
-    ears = {"/exact": base.hear("/exact", "hears_exact"), "/matched": base.hear("/matched", "hears_matched")}
+    ears = {
+        "/exact": base.hear("/exact", "hears_exact"),
+        "/matched": base.hear("/matched", "hears_matched"),
+    }
     assert base.flip("robot", "subscriber", "/exact") == 0
     assert base.flip("robot", "subscriber", "/match.*") == 0
     wait_until(lambda: base.states()["flip /exact"].startswith("no such topic"), "the rules run", 5)
@@ -151,16 +178,25 @@ def test_a_refused_or_untimely_request_answers_its_code_and_changes_nothing(flee
     lone = fleet.site("lone").start()
     for action in ("flip_all", "pull_all"):
         assert lone.call(action, srv.RemoteAll, gateway="robot").result == codes.NO_HUB_CONNECTION
-        assert lone.call(action, srv.RemoteAll, gateway="robot", cancel=True).result == codes.SUCCESS
+        assert (
+            lone.call(action, srv.RemoteAll, gateway="robot", cancel=True).result == codes.SUCCESS
+        )
     assert lone.call("advertise_all", srv.AdvertiseAll).result == codes.SUCCESS
     assert lone.call("advertise_all", srv.AdvertiseAll).result == codes.ADVERTISEMENT_EXISTS
     assert lone.call("advertise_all", srv.AdvertiseAll, cancel=True).result == codes.SUCCESS
-    both = [msg.RemoteRule("robot", msg.Rule("publisher", "/a", "")), msg.RemoteRule("lone", msg.Rule())]
+    both = [
+        msg.RemoteRule("robot", msg.Rule("publisher", "/a", "")),
+        msg.RemoteRule("lone", msg.Rule()),
+    ]
     assert lone.call("flip", srv.Remote, remotes=both).result != codes.SUCCESS
     bad = [msg.Rule("publisher", "/a", ""), msg.Rule("nothing", "/b", "")]
-    assert lone.call("advertise", srv.Advertise, rules=bad).result == codes.UNKNOWN_ADVERTISEMENT_ERROR
+    assert (
+        lone.call("advertise", srv.Advertise, rules=bad).result == codes.UNKNOWN_ADVERTISEMENT_ERROR
+    )
     period = lone.call("set_watcher_period", srv.SetWatcherPeriod, period=3.0).last_period
-    assert lone.call("set_watcher_period", srv.SetWatcherPeriod, period=period).last_period == pytest.approx(3.0)
+    assert lone.call(
+        "set_watcher_period", srv.SetWatcherPeriod, period=period
+    ).last_period == pytest.approx(3.0)
     # The gateway publishes the new state shortly after its answer.
     wait_until(lambda: not watchlists(lone), "nothing is asked for", 5)
     assert lone.master.system_state()[1]["/gateway/force_update"] == ["/gateway"]
@@ -176,7 +212,13 @@ def test_parameters_set_before_the_launch_file_count_on_a_running_master(fleet) 
     base = fleet.site("base")
     flip = {"gateway": "robot", "rule": {"name": "/a", "node": "", "type": "publisher"}}
     base.master.set_param("/gateway/default_flips", [flip])
-    argv = ["roslaunch", "rocon_gateway", "gateway.launch", "gateway_name:=base", f"gateway_hub_uri:={fleet.hub_uri}"]
+    argv = [
+        "roslaunch",
+        "rocon_gateway",
+        "gateway.launch",
+        "gateway_name:=base",
+        f"gateway_hub_uri:={fleet.hub_uri}",
+    ]
     fleet.group.start("launch", argv, base.master.environment, base.log)
     wait_until(lambda: "/gateway/gateway_info" in base.master.system_state()[0], "the gateway", 60)
     base.connected()

@@ -15,7 +15,9 @@ from rocon_hub.announcement import Announcement
 from rocon_hub_protocol.admission import HubSide
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 SECRET, OTHER = "open sesame", "open barley"
 
@@ -45,7 +47,9 @@ def test_a_changed_password_file_applies_at_once_and_keeps_links(fleet, tmp_path
     times = [time for time in ear.times() if time > changed]
     assert max(later - sooner for sooner, later in itertools.pairwise(times)) < 1.0
     assert not any("lost" in site.log.read_text() for site in (base, robot))
-    assert not [log for log in tmp_path.glob("*.log") if re.search(f"{SECRET}|{OTHER}", log.read_text())]
+    assert not [
+        log for log in tmp_path.glob("*.log") if re.search(f"{SECRET}|{OTHER}", log.read_text())
+    ]
 
 
 @pytest.mark.parametrize(
@@ -134,16 +138,24 @@ def rogue(request, fleet) -> Iterator[Rogue]:
 
 
 @pytest.mark.parametrize("how", ["without a hub", "on its hub", "by URI"])
-def test_a_host_that_is_taken_for_a_hub_learns_nothing_of_the_password(fleet, tmp_path, rogue, how) -> None:
+def test_a_host_that_is_taken_for_a_hub_learns_nothing_of_the_password(
+    fleet, tmp_path, rogue, how
+) -> None:
     """A gateway on its real hub once sent the password to such a host in clear text, within half a minute."""
     right, has_hub = variables(tmp_path, SECRET), how == "on its hub"
     if has_hub:
         fleet.start_hub(right, zeroconf=True)
     uri = f"http://127.0.0.1:{rogue.port}" if how == "by URI" else ""
-    site = fleet.site("base").start(right, hub_uri=uri, hub_whitelist=[fleet.hub_name, f"Rogue {fleet.hub_port}"])
+    site = fleet.site("base").start(
+        right, hub_uri=uri, hub_whitelist=[fleet.hub_name, f"Rogue {fleet.hub_port}"]
+    )
     if has_hub:
         site.connected()
-    wait_until(lambda: rogue.heard and re.search("clear|know|no hub of ours", site.log.read_text()), "its refusal", 60)
+    wait_until(
+        lambda: rogue.heard and re.search("clear|know|no hub of ours", site.log.read_text()),
+        "its refusal",
+        60,
+    )
     # Only shares and tags, which look random to any client that does not know the password.
     word = rb"ROCON-PROVE 1 [0-9a-f]{32}\r\n|[0-9a-f]{64} [0-9a-f]{128}\r\n"
     assert [data for data in rogue.heard if not re.fullmatch(word, data)] == []

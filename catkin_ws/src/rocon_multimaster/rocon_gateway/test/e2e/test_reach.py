@@ -6,7 +6,9 @@ import sys
 import pytest
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 CONNECT = "import socket, sys; socket.create_connection((sys.argv[1], int(sys.argv[2])), 3)"
 
@@ -19,7 +21,9 @@ def is_reached(machine, port: int) -> bool:
     return done.returncode == 0
 
 
-@pytest.mark.parametrize("variables", [{}, {"ROS_IP": "127.0.0.1"}, {"ROS_IP": ""}], ids=["", "loopback", "any"])
+@pytest.mark.parametrize(
+    "variables", [{}, {"ROS_IP": "127.0.0.1"}, {"ROS_IP": ""}], ids=["", "loopback", "any"]
+)
 def test_without_a_credential_no_other_machine_reaches_a_relay(fleet, machine, variables) -> None:
     """Any host on the network that guessed two names could once read topics and call services."""
     fleet.start_hub()
@@ -29,7 +33,9 @@ def test_without_a_credential_no_other_machine_reaches_a_relay(fleet, machine, v
 
 
 @pytest.mark.parametrize("how", ["password", "insecure"])
-def test_with_a_password_or_where_the_user_insists_other_machines_reach_a_relay(fleet, machine, tmp_path, how) -> None:
+def test_with_a_password_or_where_the_user_insists_other_machines_reach_a_relay(
+    fleet, machine, tmp_path, how
+) -> None:
     secret = tmp_path / "secret"
     secret.write_text("open sesame")
     variables = {"ROCON_HUB_PASSWORD_FILE": str(secret)} if how == "password" else {}

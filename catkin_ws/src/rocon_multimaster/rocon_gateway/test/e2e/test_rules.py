@@ -10,7 +10,9 @@ from gateway_msgs import msg, srv
 from pioneer_harness.wait import wait_until
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 
 def test_flips_and_pulls_bring_messages_at_once_and_cancelling_ends_them(pair, report) -> None:
@@ -30,7 +32,11 @@ def test_flips_and_pulls_bring_messages_at_once_and_cancelling_ends_them(pair, r
     report("pull", pulled)
     assert max(flipped, pulled) < 1.0
     assert robot.publishers("/clock2") == ["/base/talker"]
-    wait_until(lambda: base.states() == {"flip /p1/scan": "active", "advertise /clock2": "active"}, "both active", 5)
+    wait_until(
+        lambda: base.states() == {"flip /p1/scan": "active", "advertise /clock2": "active"},
+        "both active",
+        5,
+    )
 
     assert base.flip("robot", "subscriber", "/p1/scan") == msg.ErrorCodes.FLIP_RULE_ALREADY_EXISTS
     assert robot.pull("base", "publisher", "/clock2") == msg.ErrorCodes.PULL_RULE_ALREADY_EXISTS
@@ -55,19 +61,31 @@ def test_a_flipped_publisher_goes_the_other_way_and_only_the_named_node_hears(pa
     assert other.times() == []
     assert robot.flip("base", "publisher", "/cmd") == 0
     other.first_after(asked)
-    wait_until(lambda: [one.status for one in robot.info().flipped_connections] == ["accepted"], "accepted", 5)
-    wait_until(lambda: [one.rule.name for one in base.info().flipped_in_connections] == ["/cmd"], "flipped in", 5)
+    wait_until(
+        lambda: [one.status for one in robot.info().flipped_connections] == ["accepted"],
+        "accepted",
+        5,
+    )
+    wait_until(
+        lambda: [one.rule.name for one in base.info().flipped_in_connections] == ["/cmd"],
+        "flipped in",
+        5,
+    )
 
 
 def test_rules_may_come_before_gateways_topics_and_hub(fleet, report) -> None:
     base = fleet.site("base").start()
     assert base.flip("robot", "subscriber", "/late") == 0
     assert base.pull("robot", "publisher", "/late") == msg.ErrorCodes.NO_HUB_CONNECTION
-    wait_until(lambda: base.states() == {"flip /late": "pending: waiting for a hub"}, "the rule's state", 5)
+    wait_until(
+        lambda: base.states() == {"flip /late": "pending: waiting for a hub"}, "the rule's state", 5
+    )
     ear = base.hear("/late")
     fleet.start_hub()
     base.connected()
-    wait_until(lambda: base.states()["flip /late"].startswith("no such gateway"), "no such gateway", 5)
+    wait_until(
+        lambda: base.states()["flip /late"].startswith("no such gateway"), "no such gateway", 5
+    )
     robot = fleet.site("robot").start().connected()
     wait_until(lambda: base.states()["flip /late"].startswith("no such topic"), "no such topic", 5)
     robot.talk("/late")
@@ -86,7 +104,11 @@ def test_a_pattern_never_brings_another_robots_topics_whoever_joins_first(
         base.talk(f"/{name}/odom", f"{name}_source")
     assert base.call("advertise_all", srv.AdvertiseAll, cancel=False).result == 0
     assert alice.pull("base", "publisher", ".*/odom") == 0
-    wait_until(lambda: alice.publishers("/alice/odom") and alice.publishers("/bob/odom"), "what it may have", 10)
+    wait_until(
+        lambda: alice.publishers("/alice/odom") and alice.publishers("/bob/odom"),
+        "what it may have",
+        10,
+    )
     assert alice.publishers("/carol/odom") == [], "the base station has told of carol"
     bob = fleet.site("bob_gateway").start(namespace="bob").connected()
     wait_until(lambda: alice.publishers("/bob/odom") == [], "bob is a robot now", 5)
@@ -101,11 +123,17 @@ def test_bad_requests_are_refused_and_everything_continues(pair) -> None:
     base, robot = pair
     codes = msg.ErrorCodes
     bad = base.remote("flip", "robot", "publisher", "/a(")
-    assert (bad.result, "not a regular expression" in bad.error_message) == (codes.HUB_UNKNOWN_ERROR, True)
+    assert (bad.result, "not a regular expression" in bad.error_message) == (
+        codes.HUB_UNKNOWN_ERROR,
+        True,
+    )
     assert base.flip("robot", "topic", "/a") == codes.HUB_UNKNOWN_ERROR
     for gateway in (" ", "ro\nbot", "robot\0", "robot("):
         refused = base.call("flip_all", srv.RemoteAll, gateway=gateway)
-        assert (refused.result, "gateway" in refused.error_message) == (codes.HUB_UNKNOWN_ERROR, True)
+        assert (refused.result, "gateway" in refused.error_message) == (
+            codes.HUB_UNKNOWN_ERROR,
+            True,
+        )
         assert refused.error_message.isprintable()
     assert base.flip("base", "publisher", "/a") == codes.REMOTE_GATEWAY_SELF_IS_NOT
     assert base.pull("base", "publisher", "/a") == codes.REMOTE_GATEWAY_SELF_IS_NOT
@@ -115,7 +143,10 @@ def test_bad_requests_are_refused_and_everything_continues(pair) -> None:
     assert base.advertise("/a", cancel=True).result == codes.ADVERTISEMENT_NOT_FOUND
     assert base.flip("robot", "publisher", ".*") == 0
     assert base.call("flip_all", srv.RemoteAll, gateway="robot").result == 0
-    assert base.call("flip_all", srv.RemoteAll, gateway="robot").result == codes.FLIP_RULE_ALREADY_EXISTS
+    assert (
+        base.call("flip_all", srv.RemoteAll, gateway="robot").result
+        == codes.FLIP_RULE_ALREADY_EXISTS
+    )
     assert base.call("connect_hub", srv.ConnectHub, uri="nonsense without scheme").result == 12
     assert base.call("connect_hub", srv.ConnectHub, uri=base.info().hub_uris[0]).result == 11
     base.talk("/b")
@@ -133,7 +164,9 @@ def test_a_killed_gateway_is_noticed_and_a_new_one_takes_its_place(pair, report)
     ear.first_after(0.0)
     os.kill(robot.pid, signal.SIGKILL)
     died = time.monotonic()
-    wait_until(lambda: base.publishers("/a") == [] and base.states()["flip /a"] != "active", "noticed", 6)
+    wait_until(
+        lambda: base.publishers("/a") == [] and base.states()["flip /a"] != "active", "noticed", 6
+    )
     report("killed gateway noticed", time.monotonic() - died)
     back = time.monotonic()
     robot.start()
@@ -156,7 +189,9 @@ def test_a_killed_hub_stops_no_data_and_its_return_restores_everything(fleet, pa
     robot.connected()
     back = time.monotonic()
     wait_until(lambda: base.states()["flip /a"] == "active", "active again", 5)
-    wait_until(lambda: base.states()["flip /b"].startswith("no such topic"), "the new rule is answered", 5)
+    wait_until(
+        lambda: base.states()["flip /b"].startswith("no such topic"), "the new rule is answered", 5
+    )
     report("rules answered after the hub's return", time.monotonic() - back)
     gaps = [late - early for early, late in zip(ear.times(), ear.times()[1:], strict=False)]
     assert max(gaps) < 1.5
@@ -174,7 +209,11 @@ def test_shutting_down_in_any_order_leaves_nothing_behind(pair, report) -> None:
     report("clean leave noticed", time.monotonic() - left)
     wait_until(lambda: robot.publishers("/gateway/gateway_info") == [], "robot's gateway gone", 5)
     subscribers = robot.master.system_state
-    wait_until(lambda: all("/gateway" not in nodes for nodes in subscribers()[1].values()), "nothing of it", 5)
+    wait_until(
+        lambda: all("/gateway" not in nodes for nodes in subscribers()[1].values()),
+        "nothing of it",
+        5,
+    )
 
 
 def _is_hub(pid: int) -> bool:
@@ -199,8 +238,14 @@ def test_a_rule_with_a_rate_reports_it_and_keeps_to_it(fleet) -> None:
     wait_until(lambda: len(scan.times()) > 8, "messages", 10)
     assert len(scan.times()) <= 5 * (time.monotonic() - begin) + 1
     for site in (base, robot):
-        wait_until(lambda site=site: _latency(site) > 0, f"{site.name} knows how long the way takes", 15)
+        wait_until(
+            lambda site=site: _latency(site) > 0, f"{site.name} knows how long the way takes", 15
+        )
 
 
 def _latency(site) -> float:
-    return site.call("remote_gateway_info", srv.RemoteGatewayInfo).gateways[0].conn_stats.ping_latency_avg
+    return (
+        site.call("remote_gateway_info", srv.RemoteGatewayInfo)
+        .gateways[0]
+        .conn_stats.ping_latency_avg
+    )

@@ -16,7 +16,9 @@ from gateway_msgs import msg, srv
 from pioneer_harness.wait import wait_until
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 NODES = Path(__file__).parent.parent / "node"
 RELAY_NODES = NODES.parents[2] / "rocon_relay/test/node"
@@ -65,7 +67,9 @@ def five_are_up(site) -> bool:
     publishers, subscribers, services = site.master.system_state()
     topics = {"/chatter", "/fibonacci/server/result", "/fibonacci/client/cancel"}
     heard = {"/chatter", "/fibonacci/server/cancel", "/fibonacci/client/status"}
-    return topics <= publishers.keys() and heard <= subscribers.keys() and "/add_two_ints" in services
+    return (
+        topics <= publishers.keys() and heard <= subscribers.keys() and "/add_two_ints" in services
+    )
 
 
 def rows(rules: list[Any]) -> set[tuple[str, str, str]]:
@@ -81,7 +85,9 @@ def advertised(site) -> set[tuple[str, str, str]]:
 def accepted(site) -> set[tuple[str, str, str]]:
     flipped = site.info().flipped_connections
     assert all(one.remote_rule.gateway == "robot" for one in flipped)
-    return rows([one.remote_rule.rule for one in flipped if one.status == msg.RemoteRuleWithStatus.ACCEPTED])
+    return rows(
+        [one.remote_rule.rule for one in flipped if one.status == msg.RemoteRuleWithStatus.ACCEPTED]
+    )
 
 
 def pulled(site) -> set[tuple[str, str, str]]:
@@ -98,28 +104,36 @@ def advertise_all(base, cancel: bool) -> int:
 
 def all_of(action: str, gateway: str) -> Callable[[Any, bool], int]:
     return lambda site, cancel: int(
-        site.call(f"{action}_all", srv.RemoteAll, gateway=gateway, blacklist=[], cancel=cancel).result
+        site.call(
+            f"{action}_all", srv.RemoteAll, gateway=gateway, blacklist=[], cancel=cancel
+        ).result
     )
 
 
 def singly(action: str, gateway: str, rules: list[Any]) -> Callable[[Any, bool], int]:
     return lambda site, cancel: max(
-        int(site.call(action, srv.Remote, remotes=[one], cancel=cancel).result) for one in to(gateway, rules)
+        int(site.call(action, srv.Remote, remotes=[one], cancel=cancel).result)
+        for one in to(gateway, rules)
     )
 
 
 def at_once(action: str, gateway: str, rules: list[Any]) -> Callable[[Any, bool], int]:
-    return lambda site, cancel: int(site.call(action, srv.Remote, remotes=to(gateway, rules), cancel=cancel).result)
+    return lambda site, cancel: int(
+        site.call(action, srv.Remote, remotes=to(gateway, rules), cancel=cancel).result
+    )
 
 
 def advertise(rules: list[Any]) -> Callable[[Any, bool], int]:
     return lambda site, cancel: max(
-        int(site.call("advertise", srv.Advertise, rules=[rule], cancel=cancel).result) for rule in rules
+        int(site.call("advertise", srv.Advertise, rules=[rule], cancel=cancel).result)
+        for rule in rules
     )
 
 
 @pytest.mark.parametrize(
-    "ask", [advertise_all, advertise(PLAIN), advertise(PATTERNS)], ids=["all", "five single", "five patterns"]
+    "ask",
+    [advertise_all, advertise(PLAIN), advertise(PATTERNS)],
+    ids=["all", "five single", "five patterns"],
 )
 def test_advertising_shows_exactly_the_five(sites, ask) -> None:
     base, _ = sites
@@ -163,7 +177,11 @@ def test_what_was_flipped_here_is_not_advertised_here(sites) -> None:
     base, robot = sites
     flip_all = all_of("flip", "robot")
     assert flip_all(base, False) == 0
-    wait_until(lambda: "/add_two_ints" in robot.master.system_state()[2], "the service at robot", ACCEPTED_WITHIN)
+    wait_until(
+        lambda: "/add_two_ints" in robot.master.system_state()[2],
+        "the service at robot",
+        ACCEPTED_WITHIN,
+    )
     assert advertise_all(robot, False) == 0
     wait_until(lambda: robot.info().public_watchlist, "everything is advertised", 5)
     assert advertised(robot) == set()
@@ -183,16 +201,25 @@ def test_a_taken_service_name_is_blocked_until_its_server_is_gone(sites) -> None
     local.unregisterService("/add_two_ints", "rosrpc://127.0.0.1:1")
     wait_until(lambda: base.states()["flip /add_two_ints"] == "active", "active", 5)
     local.registerService("/add_two_ints", "rosrpc://127.0.0.1:1", "http://127.0.0.1:1/")
-    wait_until(lambda: base.states()["flip /add_two_ints"] == refused, "a local server takes its name", 5)
+    wait_until(
+        lambda: base.states()["flip /add_two_ints"] == refused, "a local server takes its name", 5
+    )
     local.unregisterService("/add_two_ints", "rosrpc://127.0.0.1:1")
     assert base.flip("robot", "service", "/add_two_ints", cancel=True) == 0
-    wait_until(lambda: "/add_two_ints" not in robot.master.system_state()[2], "unregistered", GONE_WITHIN)
+    wait_until(
+        lambda: "/add_two_ints" not in robot.master.system_state()[2], "unregistered", GONE_WITHIN
+    )
     wait_until(lambda: not base.states()["flip /add_two_ints"], "the rule is gone", 5)
 
 
 def run(site, *command: str) -> str:
     result = subprocess.run(
-        command, env=site.master.environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=60
+        command,
+        env=site.master.environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=60,
     )
     return result.stdout
 
@@ -201,14 +228,18 @@ def test_a_flipped_service_is_known_to_the_tools_and_answers(sites) -> None:
     base, robot = sites
     assert base.flip("robot", "service", "/add_two_ints") == 0
     served = {"/add_two_ints": ["/base/add_two_ints_server"]}
-    wait_until(lambda: served.items() <= robot.master.system_state()[2].items(), "the service at robot", 5)
+    wait_until(
+        lambda: served.items() <= robot.master.system_state()[2].items(), "the service at robot", 5
+    )
     described = run(robot, "rosservice", "info", "/add_two_ints")
     assert "Node: /base/add_two_ints_server\n" in described
     assert "Type: gateway_msgs/ConnectHub" in described
     assert 'error_message: "2 + 3"' in run(robot, "rosservice", "call", "/add_two_ints", "2 + 3")
     assert "as you wish" in run(robot, "rosservice", "call", "/add_two_ints", "fail")
     assert base.flip("robot", "service", "/add_two_ints", cancel=True) == 0
-    wait_until(lambda: "/add_two_ints" not in robot.master.system_state()[2], "unregistered", GONE_WITHIN)
+    wait_until(
+        lambda: "/add_two_ints" not in robot.master.system_state()[2], "unregistered", GONE_WITHIN
+    )
 
 
 SAMPLES = """
@@ -237,7 +268,9 @@ except GatewaySampleRuntimeError as error:
 
 def test_rocons_samples_can_be_imported_and_do_what_their_names_say(shared_fleet, sites) -> None:
     base, _ = sites
-    assert "refused: flip_all with" in run(base, sys.executable, "-c", SAMPLES, shared_fleet.hub_uri)
+    assert "refused: flip_all with" in run(
+        base, sys.executable, "-c", SAMPLES, shared_fleet.hub_uri
+    )
 
 
 def flipped(base, robot, cancel: bool) -> None:
@@ -254,7 +287,9 @@ def pulled_action(base, robot, cancel: bool) -> None:
 def test_a_whole_action_works_across(sites, connect) -> None:
     base, robot = sites
     connect(base, robot, False)
-    told = run(robot, sys.executable, str(NODES / "action.py"), "call", "/fibonacci/server").splitlines()
+    told = run(
+        robot, sys.executable, str(NODES / "action.py"), "call", "/fibonacci/server"
+    ).splitlines()
     assert told == ["server True", "SUCCEEDED 5 [0, 1, 2, 3, 4]", "active True", "PREEMPTED"]
     connect(base, robot, True)
     wait_until(lambda: not robot.publishers("/fibonacci/server/status"), "gone", GONE_WITHIN)
@@ -270,12 +305,18 @@ def test_a_parameter_is_copied_by_its_name_only(sites) -> None:
     assert robot.pull("base", "parameter", "/secret") == 0
     wait_until(lambda: robot.states()["pull /robot_description"].startswith("active"), "copied", 5)
     assert robot.master.get_param("/robot_description") == "<robot/>"
-    wait_until(lambda: robot.states()["pull /secret"].startswith("no such parameter"), "what nobody advertises", 5)
+    wait_until(
+        lambda: robot.states()["pull /secret"].startswith("no such parameter"),
+        "what nobody advertises",
+        5,
+    )
     assert base.flip("robot", "parameter", "/secret") == msg.ErrorCodes.HUB_UNKNOWN_ERROR
     assert base.call("advertise", srv.Advertise, rules=[rule], cancel=True).result == 0
 
 
-def test_a_default_flip_by_base_name_stands_before_and_after_its_gateway_comes(shared_fleet, sites) -> None:
+def test_a_default_flip_by_base_name_stands_before_and_after_its_gateway_comes(
+    shared_fleet, sites
+) -> None:
     _, robot = sites
     watched = [("late", "publisher", "/nothing", "")]
     assert flip_watchlist(robot) == watched
@@ -284,9 +325,14 @@ def test_a_default_flip_by_base_name_stands_before_and_after_its_gateway_comes(s
     assert not late.info().connected
     assert late.call("connect_hub", srv.ConnectHub, uri=shared_fleet.hub_uri).result == 0
     late.connected()
-    wait_until(lambda: robot.states()["flip /nothing"].startswith("no such topic"), "the gateway is met", 5)
+    wait_until(
+        lambda: robot.states()["flip /nothing"].startswith("no such topic"), "the gateway is met", 5
+    )
     assert flip_watchlist(robot) == watched
 
 
 def flip_watchlist(site) -> list[tuple[str, str, str, str]]:
-    return [(one.gateway, one.rule.type, one.rule.name, one.rule.node) for one in site.info().flip_watchlist]
+    return [
+        (one.gateway, one.rule.type, one.rule.name, one.rule.node)
+        for one in site.info().flip_watchlist
+    ]

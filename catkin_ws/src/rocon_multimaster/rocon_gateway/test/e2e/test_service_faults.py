@@ -12,7 +12,9 @@ import pytest
 from pioneer_harness.wait import START, wait_until
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 SERVER = Path(__file__).parents[3] / "rocon_relay/test/node/server.py"
 
@@ -37,7 +39,9 @@ def test_callers_get_an_error_from_a_frozen_gateway_and_service_resumes(fleet, p
         assert base.flip("robot", "service", "/echo") == 0
         wait_until(lambda: base.states()["flip /echo"] == "active", "active", 10)
         called = begin_call(robot)
-        wait_until(lambda n=number: log.read_text().count("waiting") == n, "the call under way", START)
+        wait_until(
+            lambda n=number: log.read_text().count("waiting") == n, "the call under way", START
+        )
         os.kill(base.pid, ending)
         ended = time.monotonic()
         said, _ = called.communicate(timeout=60)
@@ -47,5 +51,7 @@ def test_callers_get_an_error_from_a_frozen_gateway_and_service_resumes(fleet, p
         wait_until(lambda: "/echo" not in robot.master.system_state()[2], "unregistered", 5)
         if back:
             os.kill(base.pid, back)
-            wait_until(lambda: robot.master.system_state()[2].get("/echo") == ["/base/server"], "back", 10)
+            wait_until(
+                lambda: robot.master.system_state()[2].get("/echo") == ["/base/server"], "back", 10
+            )
             base.flip("robot", "service", "/echo", cancel=True)

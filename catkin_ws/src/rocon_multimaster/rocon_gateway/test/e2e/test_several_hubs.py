@@ -11,7 +11,9 @@ from pioneer_harness.masters import is_running
 from pioneer_harness.wait import START, wait_until
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 
 def hubs_of(site) -> list[str]:
@@ -24,7 +26,9 @@ def test_connect_hub_adds_a_hub_and_losing_one_leaves_the_other_alone(fleet, pai
     wait_until(lambda: is_running(uri), "the second hub's port", START)
     both = sorted([fleet.hub_uri, uri])
     for site in pair:
-        assert wait_until(lambda s=site: s.call("connect_hub", srv.ConnectHub, uri=uri).result == 0, "joined", 10)
+        assert wait_until(
+            lambda s=site: s.call("connect_hub", srv.ConnectHub, uri=uri).result == 0, "joined", 10
+        )
         wait_until(lambda s=site: hubs_of(s) == both, "both in gateway_info", 2)
     again = base.call("connect_hub", srv.ConnectHub, uri=uri.replace("127.0.0.1", "localhost"))
     assert (again.result, "already" in again.error_message) == (11, True)
@@ -50,8 +54,14 @@ def test_connect_hub_adds_a_hub_and_losing_one_leaves_the_other_alone(fleet, pai
     fleet.start_hub()
     wait_until(lambda: all(hubs_of(site) == both for site in pair), "the first hub is back", 10)
     os.kill(second, signal.SIGKILL)
-    wait_until(lambda: all(hubs_of(site) == [fleet.hub_uri] for site in pair), "the second hub is missed", 8)
-    wait_until(lambda: base.states() == {"flip /a": "active", "flip /b": "active"}, "both active", 5)
+    wait_until(
+        lambda: all(hubs_of(site) == [fleet.hub_uri] for site in pair),
+        "the second hub is missed",
+        8,
+    )
+    wait_until(
+        lambda: base.states() == {"flip /a": "active", "flip /b": "active"}, "both active", 5
+    )
     times = ear.times()
     assert max(late - early for early, late in itertools.pairwise(times)) < 1.0
     assert base.pull("nobody", "publisher", "/c") == 0
@@ -61,7 +71,10 @@ def test_two_hubs_in_the_parameter_join_gateways_that_share_only_one_each(fleet)
     fleet.start_hub()
     _, uri = fleet.start_second_hub()
     middle = fleet.site("middle").start(hub_uri=f"{fleet.hub_uri}; {uri}")
-    left, right = fleet.site("left").start().connected(), fleet.site("right").start(hub_uri=uri).connected()
+    left, right = (
+        fleet.site("left").start().connected(),
+        fleet.site("right").start(hub_uri=uri).connected(),
+    )
     wait_until(lambda: len(hubs_of(middle)) == 2, "both hubs", 10)
     names = {one.name for one in middle.call("remote_gateway_info", srv.RemoteGatewayInfo).gateways}
     assert names == {"left", "right"}
@@ -71,4 +84,8 @@ def test_two_hubs_in_the_parameter_join_gateways_that_share_only_one_each(fleet)
     middle.hear("/a", "hears_a").first_after(0.0)
     middle.hear("/b", "hears_b").first_after(0.0)
     assert left.flip("right", "subscriber", "/b") == 0
-    wait_until(lambda: left.states()["flip /b"].startswith("no such gateway"), "right is not on left's hub", 5)
+    wait_until(
+        lambda: left.states()["flip /b"].startswith("no such gateway"),
+        "right is not on left's hub",
+        5,
+    )

@@ -22,7 +22,9 @@ from pioneer_harness.wait import wait_until
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
 pytestmark = [
     pytest.mark.soak,
-    pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"),
+    pytest.mark.filterwarnings(
+        "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+    ),
 ]
 
 PERIOD = 20.0
@@ -126,12 +128,19 @@ class Soak:
         robot = self.random.choice(self.robots)
         source = f"/{robot.name}/{robot.name}_source"
         robot.end_probe(f"{robot.name}_source")
-        wait_until(lambda: source not in self.base.publishers(f"/{robot.name}/data"), "the publisher's end", 10)
+        wait_until(
+            lambda: source not in self.base.publishers(f"/{robot.name}/data"),
+            "the publisher's end",
+            10,
+        )
         self.restarts.append(time.monotonic())
         self.talk(robot)
 
     def rules_come_and_go(self) -> None:
-        rules = [msg.RemoteRule("robot.*", msg.Rule("subscriber", f"/soak{number}.*", "")) for number in range(200)]
+        rules = [
+            msg.RemoteRule("robot.*", msg.Rule("subscriber", f"/soak{number}.*", ""))
+            for number in range(200)
+        ]
         for cancel in (False, True):
             assert self.base.call("flip", srv.Remote, remotes=rules, cancel=cancel).result == 0
 
@@ -151,10 +160,16 @@ class Soak:
         began = time.monotonic()
         for site, count in ((self.base, len(ROBOTS) + 1), *((robot, 1) for robot in self.robots)):
             wait_until(
-                lambda s=site, n=count: list(s.states().values()) == ["active"] * n, f"{site.name}'s rules", RECOVERY
+                lambda s=site, n=count: list(s.states().values()) == ["active"] * n,
+                f"{site.name}'s rules",
+                RECOVERY,
             )
         for key, log in self.logs.items():
-            wait_until(lambda one=log: one.exists() and last_time(one) > began, f"messages at {key}", RECOVERY)
+            wait_until(
+                lambda one=log: one.exists() and last_time(one) > began,
+                f"messages at {key}",
+                RECOVERY,
+            )
         return time.monotonic() - began
 
     def sample(self) -> dict[str, tuple[int, int, int]]:
@@ -182,7 +197,9 @@ def say(text: str) -> None:
     sys.stdout.flush()
 
 
-def test_a_fault_every_20_s_leaks_nothing_loses_no_rule_and_doubles_no_message(fleet, record_property) -> None:
+def test_a_fault_every_20_s_leaks_nothing_loses_no_rule_and_doubles_no_message(
+    fleet, record_property
+) -> None:
     minutes = float(os.environ.get("PIONEER_SOAK_MINUTES", "2"))
     seed = int(os.environ.get("PIONEER_SOAK_SEED", "1"))
     soak = Soak(fleet, seed)
@@ -220,10 +237,14 @@ def verdict(soak, samples, recoveries, record_property) -> None:
     for name in samples[0]:
         early, late = samples[: max(1, len(samples) // 4)], samples[-max(1, len(samples) // 4) :]
         for what, column, slack in (("memory", 0, 8 * MB), ("files", 1, 2), ("threads", 2, 1)):
-            first, last = (statistics.median(one[name][column] for one in part) for part in (early, late))
+            first, last = (
+                statistics.median(one[name][column] for one in part) for part in (early, late)
+            )
             record_property(f"{name} {what}", f"{first:.0f} → {last:.0f}")
             say(f"{name}: {what} {first:,.0f} at first, {last:,.0f} at last")
             assert last <= first + slack, f"{name}'s {what} grew"
     record_property("recoveries", [round(one, 2) for one in recoveries])
     median, worst = statistics.median(recoveries), max(recoveries)
-    say(f"{len(recoveries)} faults, well again after {median:.1f} s (median), {worst:.1f} s (worst)")
+    say(
+        f"{len(recoveries)} faults, well again after {median:.1f} s (median), {worst:.1f} s (worst)"
+    )

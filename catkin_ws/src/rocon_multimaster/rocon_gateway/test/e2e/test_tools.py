@@ -12,14 +12,18 @@ import pytest
 from pioneer_harness.wait import wait_until
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 
 def tool(site: Any, *argv: str, path: str = "") -> tuple[int, str]:
     """Runs a tool on the site's master with `path` in front of PATH; returns its status and all its output."""
     command = ["rosrun", "rocon_gateway", *argv]
     environment = {**site.master.environment, "PATH": f"{path}{os.pathsep}{os.environ['PATH']}"}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(
+        command, env=environment, capture_output=True, text=True, check=False, timeout=60
+    )
     return done.returncode, done.stdout + done.stderr
 
 
@@ -28,12 +32,17 @@ def test_the_tools_make_rules_and_say_how_they_do(pair, tmp_path) -> None:
     robot.talk("/p1/scan")
     assert tool(base, "flip", "robot", "/p1/scan", "/p1/scam", "-t", "subscriber")[0] == 0
     assert tool(robot, "advertise", "/p1/scan")[0] == 0
-    assert tool(base, "pull", "robto", "/p1/scan") == (0, "done; 'rosrun rocon_gateway rules' shows how the rules do\n")
+    assert tool(base, "pull", "robto", "/p1/scan") == (
+        0,
+        "done; 'rosrun rocon_gateway rules' shows how the rules do\n",
+    )
     status, said = tool(base, "flip", "base", "/p1/scan")
     assert (status, "refused (52)" in said) == (1, True)
     wait_until(lambda: base.states()["flip /p1/scan"] == "active", "the flip", 10)
     wait_until(lambda: "robot" in base.states()["pull /p1/scan"], "the pull's reason", 10)
-    wait_until(lambda: base.states()["flip /p1/scam"].startswith("no such topic"), "the other's answer", 10)
+    wait_until(
+        lambda: base.states()["flip /p1/scam"].startswith("no such topic"), "the other's answer", 10
+    )
 
     status, said = tool(base, "rules")
     assert (status, said.count("\n")) == (1, 4), said
@@ -50,7 +59,10 @@ def test_the_tools_make_rules_and_say_how_they_do(pair, tmp_path) -> None:
     assert "pull <-- robto  (no such gateway)" in said
     assert '"robot" -> "base" [color=purple' in tool(base, "graph", "--dot")[1]
 
-    described = {name: json.loads(tool(base, name, "--json")[1]) for name in ("rules", "gateway_info", "graph")}
+    described = {
+        name: json.loads(tool(base, name, "--json")[1])
+        for name in ("rules", "gateway_info", "graph")
+    }
     assert {one["name"]: one["state"] for one in described["rules"]}["/p1/scam"] == "no such topic"
     assert described["gateway_info"]["flip_watchlist"][0]["rule"]["name"] == "/p1/scan"
     assert ["robot", "base"] in [one["ends"] for one in described["graph"]["arrows"]]
@@ -102,8 +114,16 @@ def test_a_subscriber_not_covered_by_a_flip_is_named_by_rules_and_doctor(pair) -
 
 def refused_simulation(master):
     """Starts step 3 on a master where it must fail before it starts a node; returns its error output."""
-    command = ["rosrun", "pioneer_gazebo", "run-multi-pioneer-gazebo-master", "robots:=1", "world_name:=blank"]
-    done = subprocess.run(command, env=master.environment, capture_output=True, text=True, check=False, timeout=60)
+    command = [
+        "rosrun",
+        "pioneer_gazebo",
+        "run-multi-pioneer-gazebo-master",
+        "robots:=1",
+        "world_name:=blank",
+    ]
+    done = subprocess.run(
+        command, env=master.environment, capture_output=True, text=True, check=False, timeout=60
+    )
     assert done.returncode == 1
     assert "starting blank" not in done.stderr
     return done.stderr

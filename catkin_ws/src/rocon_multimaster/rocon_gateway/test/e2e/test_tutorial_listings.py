@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 CLIENT = Path(__file__).parent.parent / "node" / "tutorial_client.py"
 
@@ -15,7 +17,9 @@ CLIENT = Path(__file__).parent.parent / "node" / "tutorial_client.py"
 def run(site, *argv: str) -> tuple[int, str]:
     """Runs one listing at a site; returns the service's result and error message."""
     command = [sys.executable, str(CLIENT), *argv]
-    done = subprocess.run(command, env=site.master.environment, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        command, env=site.master.environment, capture_output=True, text=True, timeout=60
+    )
     assert done.returncode == 0, done.stderr
     result, _, message = done.stdout.strip().rpartition("\n")[2].partition(" ")
     return int(result), message
@@ -23,7 +27,10 @@ def run(site, *argv: str) -> tuple[int, str]:
 
 def test_the_tutorials_listings_connect_and_report_existing_rules(fleet) -> None:
     fleet.start_hub()
-    base, robot = fleet.site("Hub_Gateway").start().connected(), fleet.site("aadi1_gateway").start().connected()
+    base, robot = (
+        fleet.site("Hub_Gateway").start().connected(),
+        fleet.site("aadi1_gateway").start().connected(),
+    )
     base.talk("/clock2")
     robot.talk("/pioneer1/goal")
     clock = robot.hear("/clock2")
@@ -46,5 +53,7 @@ def test_the_tutorials_listings_connect_and_report_existing_rules(fleet) -> None
     states = base.states()
     assert states.keys() == {"advertise /clock2", "flip /pioneer1/goal"}
     assert states["advertise /clock2"] == "active"
-    assert states["flip /pioneer1/goal"].startswith("active: only for /rviz; here it is also subscribed by /other,")
+    assert states["flip /pioneer1/goal"].startswith(
+        "active: only for /rviz; here it is also subscribed by /other,"
+    )
     assert robot.states() == {"pull /clock2": "active"}

@@ -12,7 +12,9 @@ def talk() -> None:
     names = [(f"pioneer{number}/odom", f"pioneer{number}/base_link") for number in (1, 2)]
     while not rospy.is_shutdown():
         transforms = []
-        for parent, child in [pair for odom, base in names for pair in (("map", odom), (odom, base))]:
+        for parent, child in [
+            pair for odom, base in names for pair in (("map", odom), (odom, base))
+        ]:
             transform = TransformStamped(child_frame_id=child)
             transform.header.frame_id, transform.transform.rotation.w = parent, 1.0
             transforms.append(transform)

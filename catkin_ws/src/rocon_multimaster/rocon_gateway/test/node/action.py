@@ -38,7 +38,11 @@ class Goal:
     """
 
     def __init__(self, client: actionlib.ActionClient, steps: int) -> None:
-        self.active, self.done, self.told_all = threading.Event(), threading.Event(), threading.Event()
+        self.active, self.done, self.told_all = (
+            threading.Event(),
+            threading.Event(),
+            threading.Event(),
+        )
         self.feedback: list[int] = []
         self._steps = steps
         rospy.Subscriber(f"{client.ns}/feedback", TestActionFeedback, self._on_feedback)
@@ -57,7 +61,11 @@ class Goal:
 
     def end(self) -> str:
         """Waits for the goal to end; returns its final state, or "no end" on a timeout."""
-        return GoalStatus.to_string(self.handle.get_terminal_state()) if self.done.wait(20) else "no end"
+        return (
+            GoalStatus.to_string(self.handle.get_terminal_state())
+            if self.done.wait(20)
+            else "no end"
+        )
 
 
 def call(client: actionlib.ActionClient) -> None:

@@ -45,7 +45,15 @@ class FakeGateway:
 
     @property
     def record(self) -> Record:
-        return Record(self.name, "i", self.name, 4000, self.firewall, self.outcome.advertised, namespace=self.namespace)
+        return Record(
+            self.name,
+            "i",
+            self.name,
+            4000,
+            self.firewall,
+            self.outcome.advertised,
+            namespace=self.namespace,
+        )
 
     def states(self) -> dict[str, str]:
         return {f"{one.action} {one.rule.name}": one.verdict.state for one in self.outcome.states}
@@ -54,7 +62,9 @@ class FakeGateway:
         return next(one.verdict.reason for one in self.outcome.states if one.rule.name == name)
 
     def imported(self) -> set[tuple[str, str, str]]:
-        return {(one.key.topic, one.source_gateway, one.key.source_node) for one in self.outcome.imports}
+        return {
+            (one.key.topic, one.source_gateway, one.key.source_node) for one in self.outcome.imports
+        }
 
 
 class Fleet:
@@ -68,7 +78,9 @@ class Fleet:
             before = {name: gateway.outcome for name, gateway in self.gateways.items()}
             for gateway in self.gateways.values():
                 gateway.outcome = reconcile(self.situation(gateway))
-                gateway.links = {one: LinkStatus(_state_of_working(one)) for one in gateway.outcome.imports}
+                gateway.links = {
+                    one: LinkStatus(_state_of_working(one)) for one in gateway.outcome.imports
+                }
             if before == {name: gateway.outcome for name, gateway in self.gateways.items()}:
                 self.check()
                 return self
@@ -76,7 +88,10 @@ class Fleet:
 
     def situation(self, gateway: FakeGateway) -> Situation:
         others = {name: other for name, other in self.gateways.items() if name != gateway.name}
-        requests = {name: other.outcome.requests.get(gateway.name, PeerRequest()) for name, other in others.items()}
+        requests = {
+            name: other.outcome.requests.get(gateway.name, PeerRequest())
+            for name, other in others.items()
+        }
         return Situation(
             book=gateway.book,
             firewall=gateway.firewall,
@@ -107,11 +122,17 @@ class Fleet:
         }
         assert imports <= exports
         for _, name, _, topic, node in exports:
-            assert not node or any((one.name, one.node) == (topic, node) for one in self.gateways[name].local)
+            assert not node or any(
+                (one.name, one.node) == (topic, node) for one in self.gateways[name].local
+            )
 
 
 def _state_of_working(wanted: Import) -> LinkState:
-    return LinkState.RATE_LIMITED if isinstance(wanted, Import) and wanted.options.rate else LinkState.ACTIVE
+    return (
+        LinkState.RATE_LIMITED
+        if isinstance(wanted, Import) and wanted.options.rate
+        else LinkState.ACTIVE
+    )
 
 
 def fleet_of(hub: FakeGateway, robot: FakeGateway) -> Fleet:

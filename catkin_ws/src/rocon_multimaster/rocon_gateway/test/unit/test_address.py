@@ -27,7 +27,13 @@ def own(monkeypatch: pytest.MonkeyPatch, towards: str, **environment: str) -> st
 
 
 @pytest.mark.parametrize(
-    "environment", [{"ROS_IP": "127.0.0.1"}, {"ROS_HOSTNAME": "localhost"}, {"ROS_IP": "127.0.1.1"}, {"ROS_IP": "::1"}]
+    "environment",
+    [
+        {"ROS_IP": "127.0.0.1"},
+        {"ROS_HOSTNAME": "localhost"},
+        {"ROS_IP": "127.0.1.1"},
+        {"ROS_IP": "::1"},
+    ],
 )
 def test_a_hub_elsewhere_is_not_told_the_loopback_that_nodes_keep_to(
     monkeypatch: pytest.MonkeyPatch, environment: dict[str, str]
@@ -42,13 +48,17 @@ def test_a_configured_loopback_stays_with_a_local_absent_or_unreachable_hub(
     assert own(monkeypatch, towards, ROS_IP="127.0.0.1") == "127.0.0.1"
 
 
-@pytest.mark.parametrize("environment", [{"ROS_IP": "10.9.0.101"}, {"ROS_HOSTNAME": "aadi1", "ROS_IP": "127.0.0.1"}])
+@pytest.mark.parametrize(
+    "environment", [{"ROS_IP": "10.9.0.101"}, {"ROS_HOSTNAME": "aadi1", "ROS_IP": "127.0.0.1"}]
+)
 def test_any_other_address_that_is_set_is_reported(
     monkeypatch: pytest.MonkeyPatch, environment: dict[str, str]
 ) -> None:
     assert own(monkeypatch, HUB, **environment) == next(iter(environment.values()))
 
 
-def test_with_nothing_set_it_is_the_interface_that_leads_to_the_hub(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_with_nothing_set_it_is_the_interface_that_leads_to_the_hub(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     assert own(monkeypatch, HUB) == "192.168.2.101"
     assert own(monkeypatch, "localhost") == own(monkeypatch, "") == "10.0.0.7"

@@ -15,7 +15,9 @@ def test_a_unique_name_has_32_digits_more_unless_told_not_to() -> None:
     assert GatewayConfig(name="Hub_Gateway", disable_uuids=True).unique_name() == "Hub_Gateway"
 
 
-@pytest.mark.parametrize("values", [{"name": " "}, {"name": "a\nb"}, {"watch_loop_period": 0.0}, {"relay_port": -1}])
+@pytest.mark.parametrize(
+    "values", [{"name": " "}, {"name": "a\nb"}, {"watch_loop_period": 0.0}, {"relay_port": -1}]
+)
 def test_a_value_that_cannot_be_meant_is_refused(values: dict[str, object]) -> None:
     with pytest.raises(ConfigError):
         GatewayConfig(**values)
@@ -32,7 +34,12 @@ def test_default_rules_become_rules() -> None:
     config = GatewayConfig(
         default_blacklist=[{"name": "/rosout.*", "node": None, "type": "publisher"}],
         default_advertisements=[{"name": "/map", "node": "None", "type": "publisher"}],
-        default_flips=[{"gateway": "pirate", "rule": {"name": "/odom", "node": "/nonesuch", "type": "subscriber"}}],
+        default_flips=[
+            {
+                "gateway": "pirate",
+                "rule": {"name": "/odom", "node": "/nonesuch", "type": "subscriber"},
+            }
+        ],
         default_pulls=[{"gateway": "pirate"}],
     )
     book, complaints = book_from_config(config, "mine")
@@ -59,15 +66,21 @@ def test_a_bad_default_rule_is_named_and_the_others_are_taken() -> None:
 
 
 def test_advertise_all_may_be_an_empty_list_for_no() -> None:
-    assert not book_from_config(GatewayConfig(advertise_all=[]), "mine")[0].advertisements.everything
+    assert not book_from_config(GatewayConfig(advertise_all=[]), "mine")[
+        0
+    ].advertisements.everything
     assert book_from_config(GatewayConfig(advertise_all=True), "mine")[0].advertisements.everything
 
 
 def test_a_custom_rules_file_appends_rules_and_replaces_the_rest() -> None:
-    merged = with_custom_rules({"default_flips": [1], "firewall": True}, {"default_flips": [2], "firewall": False})
+    merged = with_custom_rules(
+        {"default_flips": [1], "firewall": True}, {"default_flips": [2], "firewall": False}
+    )
     assert merged == {"default_flips": [1, 2], "firewall": False}
     assert with_custom_rules({"name": "a"}, None) == {"name": "a"}
-    options = with_custom_rules({"rule_options": ["ours"]}, {"rule_options": ["the user's"]})["rule_options"]
+    options = with_custom_rules({"rule_options": ["ours"]}, {"rule_options": ["the user's"]})[
+        "rule_options"
+    ]
     assert options == ["the user's", "ours"], "the first row that matches counts"
     with pytest.raises(ConfigError):
         with_custom_rules({}, ["rules"])
@@ -75,8 +88,16 @@ def test_a_custom_rules_file_appends_rules_and_replaces_the_rest() -> None:
 
 def test_namespaces_of_robots_may_be_declared_and_must_be_names() -> None:
     config = GatewayConfig(namespace="/pioneer1", robot_namespaces="alice; /bob")
-    assert (config.own_namespace, config.known_namespaces) == ("pioneer1", {"pioneer1", "alice", "bob"})
+    assert (config.own_namespace, config.known_namespaces) == (
+        "pioneer1",
+        {"pioneer1", "alice", "bob"},
+    )
     assert GatewayConfig().known_namespaces == set()
-    for wrong in ({"namespace": "a/b"}, {"robot_namespaces": ["a b"]}, {"robot_namespaces": 3}, {"namespace": "7"}):
+    for wrong in (
+        {"namespace": "a/b"},
+        {"robot_namespaces": ["a b"]},
+        {"robot_namespaces": 3},
+        {"namespace": "7"},
+    ):
         with pytest.raises(ConfigError):
             GatewayConfig(**wrong)

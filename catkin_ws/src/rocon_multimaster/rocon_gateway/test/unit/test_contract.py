@@ -56,10 +56,18 @@ BLACKLIST = """
 
 @pytest.mark.parametrize(
     ("file", "expected"),
-    [("rocon_gateway/launch/gateway.launch", GATEWAY_LAUNCH), ("rocon_hub/launch/hub.launch", HUB_LAUNCH)],
+    [
+        ("rocon_gateway/launch/gateway.launch", GATEWAY_LAUNCH),
+        ("rocon_hub/launch/hub.launch", HUB_LAUNCH),
+    ],
 )
-def test_the_launch_files_have_rocons_arguments_with_their_defaults(file: str, expected: dict[str, str]) -> None:
-    found = {one.get("name"): one.get("default") for one in ET.parse(MULTIMASTER / file).getroot().iter("arg")}
+def test_the_launch_files_have_rocons_arguments_with_their_defaults(
+    file: str, expected: dict[str, str]
+) -> None:
+    found = {
+        one.get("name"): one.get("default")
+        for one in ET.parse(MULTIMASTER / file).getroot().iter("arg")
+    }
     assert expected.items() <= found.items()
 
 

@@ -15,7 +15,11 @@ def test_a_connection_says_what_flows_on_it_and_how_long_the_way_takes():
     status = diagnostic_from_link(wanted, link, Flow(12.5, 625.0), {"robot": LATENCY}, "base")
     assert (status.level, status.name) == (DiagnosticStatus.OK, "base: from robot /scan of /laser")
     values = {one.key: one.value for one in status.values}
-    assert (values["rate [Hz]"], values["throughput [byte/s]"], values["dropped"]) == ("12.5", "625", "3")
+    assert (values["rate [Hz]"], values["throughput [byte/s]"], values["dropped"]) == (
+        "12.5",
+        "625",
+        "3",
+    )
     assert (values["messages"], values["bytes"]) == ("100", "5000")
     assert (values["latency [ms]"], values["saved by compression [byte]"]) == ("2.00", "40")
 
@@ -31,7 +35,15 @@ def test_a_connection_that_does_not_work_says_why():
 
 def test_a_gateways_statistics_are_milliseconds_as_rocon_has_them():
     stats = message_from_record(Record("robot", "i", "10.0.0.2", 1), 0.0, LATENCY).conn_stats
-    found = (stats.ping_latency_min, stats.ping_latency_max, stats.ping_latency_avg, stats.ping_latency_mdev)
+    found = (
+        stats.ping_latency_min,
+        stats.ping_latency_max,
+        stats.ping_latency_avg,
+        stats.ping_latency_mdev,
+    )
     assert found == (1.0, 4.0, 2.0, 0.5)
     assert stats.gateway_available
-    assert message_from_record(Record("robot", "i", "10.0.0.2", 1), 3.0).conn_stats.ping_latency_avg == 0
+    assert (
+        message_from_record(Record("robot", "i", "10.0.0.2", 1), 3.0).conn_stats.ping_latency_avg
+        == 0
+    )

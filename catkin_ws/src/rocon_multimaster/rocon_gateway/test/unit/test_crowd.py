@@ -33,10 +33,18 @@ class Count:
 def situation(*gateways: str, also: str = "crowd") -> Situation:
     own = gateway("base")
     book = own.book.added("flip", [to(one, Kind.PUBLISHER, "/flow") for one in gateways])
-    return Situation(book=book, firewall=False, local=frozenset(), connected=True, names=frozenset([*NAMES, also]))
+    return Situation(
+        book=book,
+        firewall=False,
+        local=frozenset(),
+        connected=True,
+        names=frozenset([*NAMES, also]),
+    )
 
 
-def test_whom_rules_mean_is_looked_for_when_a_gateway_joins_or_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_whom_rules_mean_is_looked_for_when_a_gateway_joins_or_leaves(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     rules = [f"{one}[0-9]" for one in ("crowd99", "absent", "c.*")]
     reconcile(situation(*rules))
     count = Count(monkeypatch, rule, "matches_whole")
@@ -47,7 +55,9 @@ def test_whom_rules_mean_is_looked_for_when_a_gateway_joins_or_leaves(monkeypatc
     assert first.verdict.state == State.PENDING
 
 
-def test_the_nearest_names_are_looked_for_among_newcomers_only(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_nearest_names_are_looked_for_among_newcomers_only(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     before = reconcile(situation("crowd5000", "robot5000"))
     count = Count(monkeypatch, difflib.SequenceMatcher, "set_seq1")
     assert reconcile(situation("crowd5000", "robot5000")).states == before.states
@@ -58,7 +68,11 @@ def test_the_nearest_names_are_looked_for_among_newcomers_only(monkeypatch: pyte
 
 
 @given(names, st.lists(st.sets(names)))
-def test_the_nearest_names_are_those_of_difflib_whatever_was_asked_before(name: str, asked: list[set[str]]) -> None:
+def test_the_nearest_names_are_those_of_difflib_whatever_was_asked_before(
+    name: str, asked: list[set[str]]
+) -> None:
     spelling = Spelling(name)
     for known in asked:
-        assert spelling.nearest(frozenset(known)) == difflib.get_close_matches(name, sorted(known), n=3)
+        assert spelling.nearest(frozenset(known)) == difflib.get_close_matches(
+            name, sorted(known), n=3
+        )

@@ -14,16 +14,26 @@ from rocon_gateway.core.table import listing, table
         (diagnosis.of_contact(Contact("the hub", "base", 6380, "10.0.0.1"), "x"), Level.OK, ""),
         (diagnosis.of_contact(Contact("the hub", "base", 6380), "x"), Level.FAULT, "/etc/hosts"),
         (
-            diagnosis.of_contact(Contact("the hub", "base", 6380, "10.0.0.1", "no answer"), "open it"),
+            diagnosis.of_contact(
+                Contact("the hub", "base", 6380, "10.0.0.1", "no answer"), "open it"
+            ),
             Level.FAULT,
             "open",
         ),
         (diagnosis.of_own_name("aadi1", ""), Level.FAULT, "/etc/hosts"),
         (diagnosis.of_own_name("aadi1", "127.0.1.1"), Level.OK, ""),
-        (*diagnosis.of_advertised_host("robot", "127.0.0.1", ["127.0.0.1", "10.0.0.2"]), Level.FAULT, "ROS_IP"),
+        (
+            *diagnosis.of_advertised_host("robot", "127.0.0.1", ["127.0.0.1", "10.0.0.2"]),
+            Level.FAULT,
+            "ROS_IP",
+        ),
         (diagnosis.of_clock(-0.05), Level.OK, ""),
         (diagnosis.of_clock(3.0), Level.WARNING, "chrony"),
-        (diagnosis.of_python("/opt/conda/bin/python3", False, "/usr/bin/python3"), Level.WARNING, "PATH=/usr/bin:"),
+        (
+            diagnosis.of_python("/opt/conda/bin/python3", False, "/usr/bin/python3"),
+            Level.WARNING,
+            "PATH=/usr/bin:",
+        ),
         (diagnosis.of_python("/usr/bin/python3", True, "/usr/bin/python3"), Level.OK, ""),
     ],
 )
@@ -39,7 +49,9 @@ def test_a_relay_on_the_loopback_is_well_as_long_as_all_gateways_are_there() -> 
 
 
 def seen(gateway: str, *contacts: Contact, clock: float = 0.0, works: bool = True) -> Examination:
-    return Examination(gateway, clock, gateway, "10.0.0.1", "/usr/bin/python3", works, "/usr/bin/python3", contacts)
+    return Examination(
+        gateway, clock, gateway, "10.0.0.1", "/usr/bin/python3", works, "/usr/bin/python3", contacts
+    )
 
 
 def test_what_each_gateway_sees_becomes_one_line_a_fault_and_one_cell_a_link() -> None:
@@ -76,7 +88,9 @@ def test_a_view_from_here_is_a_row_of_its_own_and_all_well_is_one_line() -> None
 
 
 def test_gateways_of_one_name_are_found_by_their_base_name() -> None:
-    (finding,) = diagnosis.of_duplicates(["robot_gateway" + "a" * 32, "robot_gateway" + "b" * 32, "other"])
+    (finding,) = diagnosis.of_duplicates(
+        ["robot_gateway" + "a" * 32, "robot_gateway" + "b" * 32, "other"]
+    )
     assert "2 gateways are called 'robot_gateway'" in finding.what
 
 

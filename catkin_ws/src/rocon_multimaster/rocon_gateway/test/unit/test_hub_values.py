@@ -10,7 +10,13 @@ HUB = HubAddress("192.168.2.100", 6380)
 
 
 @pytest.mark.parametrize(
-    "uri", ["http://192.168.2.100:6380", "http://192.168.2.100:6380/", "192.168.2.100:6380", "192.168.2.100"]
+    "uri",
+    [
+        "http://192.168.2.100:6380",
+        "http://192.168.2.100:6380/",
+        "192.168.2.100:6380",
+        "192.168.2.100",
+    ],
 )
 def test_an_address_may_be_written_in_several_ways(uri: str) -> None:
     assert address_from_uri(uri) == HUB
@@ -27,7 +33,9 @@ def test_an_ipv6_address_is_written_in_brackets() -> None:
     assert address_from_uri("http://[::1]:6390") == HubAddress("::1", 6390)
 
 
-@pytest.mark.parametrize("uri", ["", "http://", "a b", "host:port", "host:0", "host:99999", "http://host:1:2"])
+@pytest.mark.parametrize(
+    "uri", ["", "http://", "a b", "host:port", "host:0", "host:99999", "http://host:1:2"]
+)
 def test_what_is_no_address_is_unresolvable(uri: str) -> None:
     with pytest.raises(HubError) as caught:
         address_from_uri(uri)

@@ -30,11 +30,16 @@ def test_files_that_are_here_win_over_those_of_the_hub(tmp_path: Path) -> None:
     assert folder.restore(json.dumps({"own": "old", "other": "old"})) == json.dumps({"own": "new"})
 
 
-@pytest.mark.parametrize("name", ["../out", "/etc/passwd", "..", ".hidden", "a/b", "", "x" * 200, "a\n"])
+@pytest.mark.parametrize(
+    "name", ["../out", "/etc/passwd", "..", ".hidden", "a/b", "", "x" * 200, "a\n"]
+)
 def test_names_that_lead_elsewhere_are_not_written(tmp_path: Path, name: str) -> None:
     folder = KeptFolder(tmp_path / "in" / "kept", LOGGER)
     assert folder.restore(json.dumps({name: "text"})) == ""
-    assert [str(one.relative_to(tmp_path)) for one in sorted(tmp_path.rglob("*"))] == ["in", "in/kept"]
+    assert [str(one.relative_to(tmp_path)) for one in sorted(tmp_path.rglob("*"))] == [
+        "in",
+        "in/kept",
+    ]
 
 
 @pytest.mark.parametrize("text", ["{", "[]", "3", '{"a": 1}', "[" * 100_000, "x" * (LARGEST + 1)])
@@ -43,7 +48,9 @@ def test_what_another_client_wrote_in_its_place_is_left_out(tmp_path: Path, text
     assert not list(tmp_path.iterdir())
 
 
-def test_too_much_is_not_kept_and_logged_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_too_much_is_not_kept_and_logged_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     folder = KeptFolder(tmp_path, LOGGER)
     (tmp_path / "large").write_text("x" * LARGEST)
     with caplog.at_level(logging.WARNING, "rosout"):

@@ -53,7 +53,12 @@ def test_a_hubs_thread_survives_unexpected_exceptions(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(hub_client, "RETRY", 0.001)
-    errors = [UnicodeError("label empty"), KeyError("run_id"), KeyError("run_id"), RuntimeError("as asked")]
+    errors = [
+        UnicodeError("label empty"),
+        KeyError("run_id"),
+        KeyError("run_id"),
+        RuntimeError("as asked"),
+    ]
     answered = threading.Event()
 
     def open_session(_way: Candidate) -> HubSession:
@@ -71,7 +76,9 @@ def test_a_hubs_thread_survives_unexpected_exceptions(
         examine=lambda _session, _request: None,
         logger=logging.getLogger("loops"),
     )
-    hub = HubClient([Candidate(HubAddress("127.0.0.1", 1))], True, Publication(RECORD, {}, frozenset()), context)
+    hub = HubClient(
+        [Candidate(HubAddress("127.0.0.1", 1))], True, Publication(RECORD, {}, frozenset()), context
+    )
     assert answered.wait(PATIENCE)
     hub.stop()
     hub.join()
@@ -91,7 +98,9 @@ class Session:
         self.published.set()
 
 
-def test_an_examination_that_fails_does_not_silence_the_doctor(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_examination_that_fails_does_not_silence_the_doctor(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     failed = threading.Event()
 
     def fail(*_: Any) -> Examination:
@@ -112,7 +121,9 @@ def test_an_examination_that_fails_does_not_silence_the_doctor(monkeypatch: pyte
     assert session.published.wait(PATIENCE)
 
 
-@pytest.mark.parametrize("uri", ["http://host:port", "http://host:99999", "http://[::1", "", "\xff"])
+@pytest.mark.parametrize(
+    "uri", ["http://host:port", "http://host:99999", "http://[::1", "", "\xff"]
+)
 def test_an_invalid_master_uri_of_any_process_is_another_master(tmp_path: Path, uri: str) -> None:
     (tmp_path / "7").mkdir()
     (tmp_path / "7" / "environ").write_bytes(b"ROS_MASTER_URI=" + uri.encode() + b"\0")

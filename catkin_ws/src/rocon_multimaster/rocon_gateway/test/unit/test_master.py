@@ -100,28 +100,40 @@ def test_a_master_that_answers_nonsense_counts_as_lost_until_it_answers_again(
 
 
 @pytest.mark.parametrize("said", [b"", STATE], ids=["empty", "sound"])
-def test_an_error_of_http_counts_as_no_answer(master: FakeMaster, watch: MasterWatch, said: bytes) -> None:
+def test_an_error_of_http_counts_as_no_answer(
+    master: FakeMaster, watch: MasterWatch, said: bytes
+) -> None:
     master.status, master.answers["getSystemState"] = 500, said
     with pytest.raises(MasterError, match="500 Internal Server Error"):
         watch.changed()
 
 
-def test_a_node_that_the_master_does_not_know_any_more_is_left_out(master: FakeMaster, watch: MasterWatch) -> None:
+def test_a_node_that_the_master_does_not_know_any_more_is_left_out(
+    master: FakeMaster, watch: MasterWatch
+) -> None:
     master.answers["lookupNode"] = answer("", -1)
     assert watch.changed()
     assert watch.local == frozenset()
 
 
-def test_a_master_that_fails_to_look_a_node_up_counts_as_lost(master: FakeMaster, watch: MasterWatch) -> None:
+def test_a_master_that_fails_to_look_a_node_up_counts_as_lost(
+    master: FakeMaster, watch: MasterWatch
+) -> None:
     master.answers["lookupNode"] = NONSENSE["a fault"]
     with pytest.raises(MasterError, match="KeyError"):
         watch.changed()
 
 
 def test_of_our_own_topics_only_those_that_are_to_cross_count(master: FakeMaster) -> None:
-    rows = [["/chatter", ["/talker"]], ["/pioneer1/computer", ["/gateway"]], ["/gateway/rules", ["/gateway"]]]
+    rows = [
+        ["/chatter", ["/talker"]],
+        ["/pioneer1/computer", ["/gateway"]],
+        ["/gateway/rules", ["/gateway"]],
+    ]
     master.answers["getSystemState"] = answer([rows, [], []])
-    watch = MasterWatch(f"http://127.0.0.1:{master.server_port}/", "/gateway", {"/pioneer1/computer"})
+    watch = MasterWatch(
+        f"http://127.0.0.1:{master.server_port}/", "/gateway", {"/pioneer1/computer"}
+    )
     assert watch.changed()
     assert {one.name for one in watch.local} == {"/chatter", "/pioneer1/computer"}
     watch.close()

@@ -29,7 +29,9 @@ class TellingMaster(ThreadingHTTPServer):
         if not self.knows:
             return xmlrpc.client.dumps(xmlrpc.client.Fault(1, "no such method")).encode()
         self.count += 1
-        return xmlrpc.client.dumps(((1, "registrations", self.count),), methodresponse=True).encode()
+        return xmlrpc.client.dumps(
+            ((1, "registrations", self.count),), methodresponse=True
+        ).encode()
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -84,7 +86,9 @@ def told(master: TellingMaster, bell: MasterBell, reader: int) -> None:
     bell.wait(reader)
 
 
-def test_a_registration_ends_the_wait_at_once(master: TellingMaster, bell: MasterBell, reader: int) -> None:
+def test_a_registration_ends_the_wait_at_once(
+    master: TellingMaster, bell: MasterBell, reader: int
+) -> None:
     told(master, bell, reader)
     began = time.monotonic()
     master.let.release()
@@ -108,7 +112,9 @@ def test_a_master_that_tells_is_looked_at_only_when_it_has_told(
     assert bell.is_due
 
 
-def test_a_wake_of_ours_ends_the_wait_and_is_reported(master: TellingMaster, bell: MasterBell) -> None:
+def test_a_wake_of_ours_ends_the_wait_and_is_reported(
+    master: TellingMaster, bell: MasterBell
+) -> None:
     reader, writer = os.pipe()
     os.write(writer, b"x")
     assert bell.wait(reader)

@@ -10,10 +10,14 @@ def remote(name: str, host: str) -> Remote:
     return Remote(Record(name, "i", host, 1))
 
 
-def view(host: str, *names: str, connected: bool = True, listed: tuple[str, ...] | None = None) -> HubView:
+def view(
+    host: str, *names: str, connected: bool = True, listed: tuple[str, ...] | None = None
+) -> HubView:
     told = {name: remote(name, host) for name in names}
     present = frozenset(names)
-    return HubView(connected, host, host, "", present if listed is None else frozenset(listed), present, told)
+    return HubView(
+        connected, host, host, "", present if listed is None else frozenset(listed), present, told
+    )
 
 
 def test_a_gateway_on_two_hubs_is_one_remote_and_keeps_its_way() -> None:
@@ -21,7 +25,10 @@ def test_a_gateway_on_two_hubs_is_one_remote_and_keeps_its_way() -> None:
     both.take("b", view("by b", "robot"))
     seen = both.take("a", view("by a", "robot", "other"))
     assert seen.names == {"robot", "other"}
-    assert {name: one.record.host for name, one in seen.remotes.items()} == {"robot": "by b", "other": "by a"}
+    assert {name: one.record.host for name, one in seen.remotes.items()} == {
+        "robot": "by b",
+        "other": "by a",
+    }
     assert both.take("b", view("by b", "robot")).remotes["robot"].record.host == "by b"
 
 

@@ -5,7 +5,11 @@ from rocon_hub_protocol.rule import Kind, RemoteRule, Rule
 
 SCAN = Rule(Kind.SUBSCRIBER, "/p1/scan", "/rviz")
 MAP = Rule(Kind.PUBLISHER, "/map")
-BASE = Member("Hub_Gateway", advertised=(MAP,), flips=(RemoteRule("aadi1_gateway", SCAN), RemoteRule("aadi2", SCAN)))
+BASE = Member(
+    "Hub_Gateway",
+    advertised=(MAP,),
+    flips=(RemoteRule("aadi1_gateway", SCAN), RemoteRule("aadi2", SCAN)),
+)
 ROBOT = Member("aadi1_gateway" + "0" * 32, pulls=(RemoteRule("Hub_.*", MAP),), alive=False)
 
 
@@ -38,10 +42,15 @@ def test_the_graph_has_the_figures_colours_and_is_quoted() -> None:
 def test_arrows_point_where_data_go() -> None:
     rules = [Rule(kind, "/x") for kind in (Kind.PUBLISHER, Kind.SUBSCRIBER, Kind.SERVICE)]
     flips = tuple(RemoteRule("b", rule) for rule in rules)
-    ends = {(one.action, one.ends) for one in arrows([Member("a", flips=flips, pulls=flips[:1]), Member("b")])}
+    ends = {
+        (one.action, one.ends)
+        for one in arrows([Member("a", flips=flips, pulls=flips[:1]), Member("b")])
+    }
     assert ends == {("flip", ("a", "b")), ("flip", ("b", "a")), ("pull", ("b", "a"))}
 
 
 def test_a_long_label_is_cut_and_counted() -> None:
-    many = tuple(RemoteRule("b", Rule(Kind.PUBLISHER, f"/t{number}")) for number in range(LABEL_LINES + 5))
+    many = tuple(
+        RemoteRule("b", Rule(Kind.PUBLISHER, f"/t{number}")) for number in range(LABEL_LINES + 5)
+    )
     assert "\\nand 5 more" in dot("", [Member("a", flips=many), Member("b")])

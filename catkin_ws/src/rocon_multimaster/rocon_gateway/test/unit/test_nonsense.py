@@ -53,11 +53,20 @@ def test_a_hostile_request_is_read_as_it_will_be_written_or_refused(text: bytes)
 def test_no_record_or_request_stops_the_comparison_or_takes_what_was_not_given(
     record: bytes, request: bytes, firewall: bool
 ) -> None:
-    own = gateway("base", publisher("/flow", "/node"), publisher("/kept", "/node"), firewall=firewall)
+    own = gateway(
+        "base", publisher("/flow", "/node"), publisher("/kept", "/node"), firewall=firewall
+    )
     rules = [
-        RemoteRule("robot", Rule(kind, name)) for kind in Kind if kind != Kind.PARAMETER for name in ("/f.*", ".*")
+        RemoteRule("robot", Rule(kind, name))
+        for kind in Kind
+        if kind != Kind.PARAMETER
+        for name in ("/f.*", ".*")
     ]
-    book = own.book.advertised([Rule(Kind.PUBLISHER, "/flow")]).added("flip", rules[:2]).added("pull", rules)
+    book = (
+        own.book.advertised([Rule(Kind.PUBLISHER, "/flow")])
+        .added("flip", rules[:2])
+        .added("pull", rules)
+    )
     situation = Situation(
         book=book,
         firewall=firewall,
@@ -65,7 +74,10 @@ def test_no_record_or_request_stops_the_comparison_or_takes_what_was_not_given(
         connected=True,
         names=frozenset({"robot"}),
         remotes={
-            "robot": Remote(_sound(record, record_from_text, RECORD), _sound(request, request_from_text, PeerRequest()))
+            "robot": Remote(
+                _sound(record, record_from_text, RECORD),
+                _sound(request, request_from_text, PeerRequest()),
+            )
         },
         namespace="base",
     )
@@ -99,7 +111,9 @@ patterns = texts | st.text("ab/.*+?()[]{}|\\^$,1", max_size=12)
 
 
 @given(kinds, patterns, patterns, patterns)
-def test_a_rule_is_sound_or_refused_with_the_callers_code(kind: str, name: str, node: str, target: str) -> None:
+def test_a_rule_is_sound_or_refused_with_the_callers_code(
+    kind: str, name: str, node: str, target: str
+) -> None:
     message = msg.RemoteRule(target, msg.Rule(kind, name, node))
     try:
         (remote,) = conversions.remote_rules_from_messages([message], Code.HUB_UNKNOWN_ERROR)

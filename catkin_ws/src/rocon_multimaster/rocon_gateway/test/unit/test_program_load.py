@@ -7,10 +7,16 @@ def program(root, pid, uri, seconds, kilobytes):
     """Writes a program's /proc files: its master, CPU time and share of memory."""
     folder = root / str(pid)
     folder.mkdir(exist_ok=True)
-    (folder / "environ").write_bytes(b"PATH=/bin\0ROS_MASTER_URI=" + uri.encode() + b"\0HOME=/root\0")
+    (folder / "environ").write_bytes(
+        b"PATH=/bin\0ROS_MASTER_URI=" + uri.encode() + b"\0HOME=/root\0"
+    )
     ticks = round(100 * seconds)
-    (folder / "stat").write_text(f"{pid} (a (b) c) S 1 {pid} {pid} 0 -1 4194304 9 0 0 0 {ticks} 0 0 0 20 0 1 0 5 0 0")
-    (folder / "smaps_rollup").write_text(f"0-f ---p 0 00:00 0 [rollup]\nRss: 9999 kB\nPss: {kilobytes} kB\n")
+    (folder / "stat").write_text(
+        f"{pid} (a (b) c) S 1 {pid} {pid} 0 -1 4194304 9 0 0 0 {ticks} 0 0 0 20 0 1 0 5 0 0"
+    )
+    (folder / "smaps_rollup").write_text(
+        f"0-f ---p 0 00:00 0 [rollup]\nRss: 9999 kB\nPss: {kilobytes} kB\n"
+    )
 
 
 def test_only_programs_of_the_own_master_are_counted_from_the_second_look_on(tmp_path):

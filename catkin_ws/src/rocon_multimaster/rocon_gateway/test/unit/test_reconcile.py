@@ -16,7 +16,10 @@ from rocon_relay.core.option import NO_OPTIONS, LinkOptions
 
 
 def test_a_pull_brings_what_is_advertised() -> None:
-    hub, robot = gateway("hub", publisher("/clock", "/gazebo"), publisher("/secret")), gateway("robot")
+    hub, robot = (
+        gateway("hub", publisher("/clock", "/gazebo"), publisher("/secret")),
+        gateway("robot"),
+    )
     hub.book = hub.book.advertised([Rule(Kind.PUBLISHER, "/clock")])
     robot.book = robot.book.added("pull", [to("hub", Kind.PUBLISHER, ALL)])
     fleet_of(hub, robot)
@@ -38,7 +41,10 @@ def test_a_pulled_topic_may_come_later() -> None:
 
 
 def test_a_flipped_publisher_appears_at_the_other_gateway() -> None:
-    hub, robot = gateway("hub"), gateway("robot", publisher("/p1/cmd_vel", "/p1/controller"), publisher("/p1/scan"))
+    hub, robot = (
+        gateway("hub"),
+        gateway("robot", publisher("/p1/cmd_vel", "/p1/controller"), publisher("/p1/scan")),
+    )
     robot.book = robot.book.added("flip", [to("hub", Kind.PUBLISHER, "/p1/cmd_vel")])
     fleet_of(hub, robot)
     assert hub.imported() == {("/p1/cmd_vel", "robot", "/p1/controller")}
@@ -60,7 +66,9 @@ def test_a_flipped_subscriber_brings_the_publishers_for_its_node_only() -> None:
 
 def test_two_rules_for_two_nodes_make_one_import_for_both() -> None:
     hub, robot = gateway("hub", publisher("/scan")), gateway("robot")
-    robot.book = robot.book.added("flip", [to("hub", Kind.SUBSCRIBER, "/scan", node) for node in ("/b", "/a")])
+    robot.book = robot.book.added(
+        "flip", [to("hub", Kind.SUBSCRIBER, "/scan", node) for node in ("/b", "/a")]
+    )
     fleet_of(hub, robot)
     (only,) = robot.outcome.imports
     assert only.allowed_nodes == ("/a", "/b")
@@ -91,7 +99,10 @@ def test_a_pulled_subscriber_gets_the_pullers_publishers() -> None:
 
 
 def test_nobody_imports_what_nobody_asked_for() -> None:
-    hub, robot = gateway("hub", publisher("/a")), gateway("robot", publisher("/b"), subscriber("/a"))
+    hub, robot = (
+        gateway("hub", publisher("/a")),
+        gateway("robot", publisher("/b"), subscriber("/a")),
+    )
     fleet_of(hub, robot)
     assert hub.outcome.exports == robot.outcome.imports == frozenset()
 
@@ -112,11 +123,15 @@ def test_a_firewall_refuses_flips_and_reports_it_and_lets_pulls_through() -> Non
     hub = gateway("hub", publisher("/a"), firewall=True)
     robot = gateway("robot", publisher("/b"))
     hub.book = hub.book.advertised([Rule(Kind.PUBLISHER, "/a")])
-    robot.book = robot.book.added("flip", [to("hub", Kind.PUBLISHER, "/b"), to("hub", Kind.SUBSCRIBER, "/c")]).added(
-        "pull", [to("hub", Kind.PUBLISHER, "/a")]
-    )
+    robot.book = robot.book.added(
+        "flip", [to("hub", Kind.PUBLISHER, "/b"), to("hub", Kind.SUBSCRIBER, "/c")]
+    ).added("pull", [to("hub", Kind.PUBLISHER, "/a")])
     fleet_of(hub, robot)
-    assert robot.states() == {"flip /b": State.FIREWALLED, "flip /c": State.FIREWALLED, "pull /a": State.ACTIVE}
+    assert robot.states() == {
+        "flip /b": State.FIREWALLED,
+        "flip /c": State.FIREWALLED,
+        "pull /a": State.ACTIVE,
+    }
     assert hub.imported() == set()
     assert robot.outcome.flipped[0].status == "blocked"
 
@@ -131,9 +146,14 @@ def test_a_firewall_that_falls_lets_the_flip_in() -> None:
 
 
 def test_what_is_blacklisted_does_not_leave_and_the_rule_says_why() -> None:
-    hub = FakeGateway(RuleBook("hub", (Rule(Kind.PUBLISHER, "/rosout.*"),)), {publisher("/rosout"), publisher("/a")})
+    hub = FakeGateway(
+        RuleBook("hub", (Rule(Kind.PUBLISHER, "/rosout.*"),)),
+        {publisher("/rosout"), publisher("/a")},
+    )
     robot = gateway("robot")
-    hub.book = hub.book.added("flip", [to("robot", Kind.PUBLISHER, "/ros.*"), to("robot", Kind.PUBLISHER, ALL)])
+    hub.book = hub.book.added(
+        "flip", [to("robot", Kind.PUBLISHER, "/ros.*"), to("robot", Kind.PUBLISHER, ALL)]
+    )
     robot.book = robot.book.added("flip", [to("hub", Kind.SUBSCRIBER, "/rosout")])
     fleet_of(hub, robot)
     assert robot.imported() == {("/a", "hub", "/talker")}
@@ -143,7 +163,9 @@ def test_what_is_blacklisted_does_not_leave_and_the_rule_says_why() -> None:
 
 def test_a_flip_alls_own_blacklist_bars_only_there() -> None:
     hub, robot = gateway("hub", publisher("/a"), publisher("/b")), gateway("robot")
-    hub.book = hub.book.with_all("flip", "robot", [Rule(Kind.PUBLISHER, "/a")]).advertised([Rule(Kind.PUBLISHER, "/a")])
+    hub.book = hub.book.with_all("flip", "robot", [Rule(Kind.PUBLISHER, "/a")]).advertised(
+        [Rule(Kind.PUBLISHER, "/a")]
+    )
     fleet_of(hub, robot)
     assert robot.imported() == {("/b", "hub", "/talker")}
     assert [one.name for one in hub.outcome.advertised] == ["/a"]
@@ -164,12 +186,28 @@ def test_types_that_differ_are_reported_and_not_connected() -> None:
     ("rule", "state", "reason"),
     [
         (to("rbot", Kind.SUBSCRIBER, "/a"), State.NO_GATEWAY, "nearest on the hub: robot"),
-        (to("robot", Kind.SUBSCRIBER, "/p1/base_scam"), State.NO_TOPIC, "nearest there: /p1/base_scan"),
-        (to("robot", Kind.SUBSCRIBER, "/heard"), State.NO_PUBLISHER, "subscribed there, but not published"),
+        (
+            to("robot", Kind.SUBSCRIBER, "/p1/base_scam"),
+            State.NO_TOPIC,
+            "nearest there: /p1/base_scan",
+        ),
+        (
+            to("robot", Kind.SUBSCRIBER, "/heard"),
+            State.NO_PUBLISHER,
+            "subscribed there, but not published",
+        ),
         (to("robot", Kind.PUBLISHER, "/chater"), State.NO_TOPIC, "nearest here: /chatter"),
-        (to("robot", Kind.PUBLISHER, "/chatter", "/tacker"), State.NO_PUBLISHER, "published by /talker, not /tacker"),
+        (
+            to("robot", Kind.PUBLISHER, "/chatter", "/tacker"),
+            State.NO_PUBLISHER,
+            "published by /talker, not /tacker",
+        ),
         (to("robot", Kind.SERVICE, "/ad"), State.NO_SERVICE, "nearest here: /add"),
-        (to("robot", Kind.SERVICE, "/add", "/talker"), State.NO_SERVER, "here it is served by /adder, not /talker"),
+        (
+            to("robot", Kind.SERVICE, "/add", "/talker"),
+            State.NO_SERVER,
+            "here it is served by /adder, not /talker",
+        ),
         (to("robot", Kind.ACTION_SERVER, "/fib"), State.NO_ACTION, "there is no action here"),
     ],
 )
@@ -183,9 +221,13 @@ def test_a_typo_is_answered_with_what_exists(rule: RemoteRule, state: State, rea
 
 
 def test_a_topic_for_a_node_that_does_not_listen_reports_it_and_who_does() -> None:
-    hub, robot = gateway("hub", subscriber("/a", "/rviz")), gateway("robot", publisher("/a"), publisher("/b"))
+    hub, robot = (
+        gateway("hub", subscriber("/a", "/rviz")),
+        gateway("robot", publisher("/a"), publisher("/b")),
+    )
     hub.book = hub.book.added(
-        "flip", [to("robot", Kind.SUBSCRIBER, "/a", "/rvzi"), to("robot", Kind.SUBSCRIBER, "/b", "/rviz")]
+        "flip",
+        [to("robot", Kind.SUBSCRIBER, "/a", "/rvzi"), to("robot", Kind.SUBSCRIBER, "/b", "/rviz")],
     )
     fleet_of(hub, robot)
     assert hub.states() == {"flip /a": State.ACTIVE, "flip /b": State.ACTIVE}
@@ -205,7 +247,9 @@ def test_a_flip_for_one_node_names_the_subscribers_it_does_not_cover() -> None:
     robot = gateway("robot", publisher("/tf"))
     hub.book = hub.book.added("flip", [to("robot", Kind.SUBSCRIBER, "/tf", "/rviz")])
     fleet_of(hub, robot)
-    assert hub.reason("/tf").startswith("only for /rviz; here it is also subscribed by /tf_echo, not covered by a rule")
+    assert hub.reason("/tf").startswith(
+        "only for /rviz; here it is also subscribed by /tf_echo, not covered by a rule"
+    )
     hub.book = hub.book.added("flip", [to("robot", Kind.SUBSCRIBER, "/tf", "")])
     fleet_of(hub, robot)
     assert hub.reason("/tf") == ""
@@ -218,7 +262,11 @@ def test_rules_wait_for_a_hub() -> None:
 
 
 def test_one_rule_may_mean_several_gateways() -> None:
-    hub, one, two = (gateway("hub"), gateway("aadi1_gateway", publisher("/a")), gateway("aadi2_gateway"))
+    hub, one, two = (
+        gateway("hub"),
+        gateway("aadi1_gateway", publisher("/a")),
+        gateway("aadi2_gateway"),
+    )
     hub.book = hub.book.added("flip", [to("aadi._gateway", Kind.SUBSCRIBER, "/a")])
     Fleet(hub, one, two).settle()
     assert hub.imported() == {("/a", "aadi1_gateway", "/talker")}
@@ -235,7 +283,10 @@ def test_three_that_flip_everything_in_a_ring_carry_each_publisher_once() -> Non
 
 
 def test_two_that_advertise_and_pull_everything_carry_each_publisher_once() -> None:
-    left, right = gateway("left", publisher("/a", "/left_node")), gateway("right", publisher("/a", "/right_node"))
+    left, right = (
+        gateway("left", publisher("/a", "/left_node")),
+        gateway("right", publisher("/a", "/right_node")),
+    )
     for one, other in ((left, right), (right, left)):
         one.book = one.book.advertising_all([]).with_all("pull", other.name, [])
     fleet_of(left, right)
@@ -278,7 +329,10 @@ def test_what_was_not_wanted_is_not_imported_though_offered() -> None:
 
 
 def test_a_proxy_never_takes_the_name_of_a_node_that_is_here() -> None:
-    hub, robot = gateway("hub", publisher("/a", "/amcl")), gateway("robot", subscriber("/a", "/hub/amcl"))
+    hub, robot = (
+        gateway("hub", publisher("/a", "/amcl")),
+        gateway("robot", subscriber("/a", "/hub/amcl")),
+    )
     robot.book = robot.book.added("flip", [to("hub", Kind.SUBSCRIBER, "/a")])
     fleet_of(hub, robot)
     assert robot.imported() == set()
@@ -287,7 +341,11 @@ def test_a_proxy_never_takes_the_name_of_a_node_that_is_here() -> None:
 
 
 def test_two_gateways_whose_names_look_alike_to_ros_do_not_share_a_proxy() -> None:
-    robot, one, two = gateway("robot"), gateway("a b", publisher("/t")), gateway("a_b", publisher("/t"))
+    robot, one, two = (
+        gateway("robot"),
+        gateway("a b", publisher("/t")),
+        gateway("a_b", publisher("/t")),
+    )
     robot.book = robot.book.added("flip", [to("a.b", Kind.SUBSCRIBER, "/t")])
     Fleet(robot, one, two).settle()
     assert len(robot.outcome.imports) == 1
@@ -313,7 +371,11 @@ def test_options_go_to_the_links_that_they_mean_at_either_end() -> None:
 
 
 def hub_of_three_robots() -> FakeGateway:
-    return gateway("hub", *(publisher(f"/pioneer{number}/odom", "/gazebo") for number in (1, 2, 3)), publisher("/map"))
+    return gateway(
+        "hub",
+        *(publisher(f"/pioneer{number}/odom", "/gazebo") for number in (1, 2, 3)),
+        publisher("/map"),
+    )
 
 
 def test_a_pattern_pulls_nothing_out_of_another_robots_namespace() -> None:
@@ -323,7 +385,9 @@ def test_a_pattern_pulls_nothing_out_of_another_robots_namespace() -> None:
     robot.book = robot.book.with_all("pull", "hub", [])
     fleet_of(hub, robot)
     assert {topic for topic, _, _ in robot.imported()} == {"/pioneer1/odom", "/map"}
-    robot.book = robot.book.without("pull", "hub").added("pull", [to("hub", Kind.PUBLISHER, "/pioneer2/.*")])
+    robot.book = robot.book.without("pull", "hub").added(
+        "pull", [to("hub", Kind.PUBLISHER, "/pioneer2/.*")]
+    )
     fleet_of(hub, robot)
     assert {topic for topic, _, _ in robot.imported()} == {"/pioneer2/odom"}
 
@@ -344,7 +408,9 @@ def test_a_pattern_flips_nothing_of_another_robots_namespace_and_reports_it() ->
 
 
 def test_robots_of_any_name_are_kept_apart_once_their_gateways_are_known() -> None:
-    hub = gateway("hub", *(publisher(f"/{name}/odom", "/gazebo") for name in ("alice", "bob", "map_server")))
+    hub = gateway(
+        "hub", *(publisher(f"/{name}/odom", "/gazebo") for name in ("alice", "bob", "map_server"))
+    )
     hub.book = hub.book.advertising_all([])
     hub.book = hub.book.added("flip", [to("alice_gw", Kind.PUBLISHER, "/b.*/odom")])
     alice, bob = gateway("alice_gw"), gateway("bob_gw")
@@ -354,19 +420,33 @@ def test_robots_of_any_name_are_kept_apart_once_their_gateways_are_known() -> No
     Fleet(hub, alice, bob).settle()
     assert {topic for topic, _, _ in alice.imported()} == {"/alice/odom", "/map_server/odom"}
     assert hub.states()["flip /b.*/odom"] == "refused"
-    assert {topic for topic, _, _ in bob.imported()} == {"/alice/odom"}, "what spells the namespace out is asked for"
+    assert {topic for topic, _, _ in bob.imported()} == {"/alice/odom"}, (
+        "what spells the namespace out is asked for"
+    )
     Fleet(hub, alice).settle()
     assert "/bob/odom" in {topic for topic, _, _ in alice.imported()}, "nobody has told of bob"
 
 
 def test_publishers_that_are_other_robots_nodes_are_left_out_by_an_option() -> None:
-    nodes = ("/gazebo", "/static", "/pioneer1/state_publisher", "/pioneer2/state_publisher", "/bob/state_publisher")
-    hub = gateway("hub", *(publisher("/tf", node) for node in nodes), publisher("/joints", "/bob/state_publisher"))
+    nodes = (
+        "/gazebo",
+        "/static",
+        "/pioneer1/state_publisher",
+        "/pioneer2/state_publisher",
+        "/bob/state_publisher",
+    )
+    hub = gateway(
+        "hub",
+        *(publisher("/tf", node) for node in nodes),
+        publisher("/joints", "/bob/state_publisher"),
+    )
     hub.book = hub.book.advertising_all([])
     robot, other = gateway("aadi1"), gateway("bob_gateway")
     robot.namespace, other.namespace = "pioneer1", "bob"
     robot.options = (option_rule({"name": "/tf", "foreign_nodes": False, "compress": True}),)
-    robot.book = robot.book.added("pull", [to("hub", Kind.PUBLISHER, "tf"), to("hub", Kind.PUBLISHER, "joints")])
+    robot.book = robot.book.added(
+        "pull", [to("hub", Kind.PUBLISHER, "tf"), to("hub", Kind.PUBLISHER, "joints")]
+    )
     Fleet(hub, robot, other).settle()
     assert {node for topic, _, node in robot.imported() if topic == "/tf"} == {*nodes[:3]}
     assert {one.options.compress for one in robot.outcome.imports} == {True, False}

@@ -33,7 +33,9 @@ def test_a_flipped_service_is_served_at_the_other_gateway() -> None:
 def test_an_advertised_service_is_pulled() -> None:
     hub, robot = gateway("hub", service("/add"), service("/secret")), gateway("robot")
     hub.book = hub.book.advertised([Rule(Kind.SERVICE, "/add")])
-    robot.book = robot.book.added("pull", [to("hub", Kind.SERVICE, ALL), to("hub", Kind.SERVICE, "/secret")])
+    robot.book = robot.book.added(
+        "pull", [to("hub", Kind.SERVICE, ALL), to("hub", Kind.SERVICE, "/secret")]
+    )
     fleet_of(hub, robot)
     assert robot.imported() == {("/add", "hub", "/server")}
     assert robot.states() == {"pull .*": State.ACTIVE, "pull /secret": State.NO_SERVICE}
@@ -91,7 +93,10 @@ def test_five_topics_of_one_node_are_an_action() -> None:
 
 
 def test_everything_lists_an_action_once_and_its_topics_not() -> None:
-    hub, robot = gateway("hub", *parts(SERVER), publisher("/chatter")), gateway("robot", *parts(CLIENT))
+    hub, robot = (
+        gateway("hub", *parts(SERVER), publisher("/chatter")),
+        gateway("robot", *parts(CLIENT)),
+    )
     hub.book = hub.book.advertising_all([]).with_all("flip", "robot", [])
     robot.book = robot.book.with_all("pull", "hub", [])
     fleet_of(hub, robot)
@@ -127,13 +132,21 @@ def pull_client(server: FakeGateway, client: FakeGateway) -> RemoteRule:
 
 
 @pytest.mark.parametrize("connect", [flip_server, flip_client, pull_server, pull_client])
-def test_one_rule_brings_all_five_topics_of_an_action_and_the_client_sees_its_server(connect) -> None:
+def test_one_rule_brings_all_five_topics_of_an_action_and_the_client_sees_its_server(
+    connect,
+) -> None:
     server, client = gateway("server", *parts(SERVER)), gateway("client", *parts(CLIENT))
     connect(server, client)
     fleet_of(server, client)
-    assert client.imported() == {(f"/fib/{one}", "server", "/fib_server") for one in ("status", "feedback", "result")}
-    assert server.imported() == {(f"/fib/{one}", "client", "/fib_client") for one in ("goal", "cancel")}
-    assert {one.subscriber for one in client.outcome.exports} == {proxy_name("server", "/fib_server")}
+    assert client.imported() == {
+        (f"/fib/{one}", "server", "/fib_server") for one in ("status", "feedback", "result")
+    }
+    assert server.imported() == {
+        (f"/fib/{one}", "client", "/fib_client") for one in ("goal", "cancel")
+    }
+    assert {one.subscriber for one in client.outcome.exports} == {
+        proxy_name("server", "/fib_server")
+    }
     assert {one.subscriber for one in server.outcome.exports} == {""}
     assert set({**server.states(), **client.states()}.values()) == {State.ACTIVE}
 
@@ -166,7 +179,10 @@ def test_an_action_with_a_blacklisted_topic_stays_here_whole() -> None:
     robot = gateway("robot")
     hub.book = hub.book.added("flip", [to("robot", Kind.ACTION_SERVER, "/f.*")])
     fleet_of(hub, robot)
-    assert (robot.imported(), hub.states()) == (set(), {"flip /f.*": "blacklisted by publisher /fib/res.*"})
+    assert (robot.imported(), hub.states()) == (
+        set(),
+        {"flip /f.*": "blacklisted by publisher /fib/res.*"},
+    )
 
 
 def test_an_advertised_parameter_is_copied_where_it_is_pulled_and_all_never_means_it() -> None:

@@ -27,7 +27,9 @@ def test_the_core_knows_the_codes_and_kinds_of_the_messages() -> None:
         name: value for name, value in vars(ErrorCodes).items() if name.isupper()
     }
     assert {str(kind) for kind in CONNECTIONS} == {
-        value for name, value in vars(ConnectionType).items() if name.isupper() and name != "INVALID"
+        value
+        for name, value in vars(ConnectionType).items()
+        if name.isupper() and name != "INVALID"
     }
 
 
@@ -68,7 +70,9 @@ def test_an_empty_node_means_any_and_another_matches_whole() -> None:
         ("Hub Gateway", "Hub Gateway", True),
     ],
 )
-def test_a_gateway_is_met_by_base_name_or_by_its_whole_name(pattern: str, gateway: str, matches: bool) -> None:
+def test_a_gateway_is_met_by_base_name_or_by_its_whole_name(
+    pattern: str, gateway: str, matches: bool
+) -> None:
     assert gateway_matches(pattern, gateway) is matches
 
 
@@ -88,7 +92,9 @@ def test_only_a_unique_suffix_is_taken_from_a_name() -> None:
         ("publisher", "/a", "*", "not a regular expression"),
     ],
 )
-def test_a_bad_rule_is_refused_with_the_callers_code(kind: str, name: str, node: str, what: str) -> None:
+def test_a_bad_rule_is_refused_with_the_callers_code(
+    kind: str, name: str, node: str, what: str
+) -> None:
     with pytest.raises(RequestError, match=what) as caught:
         rule_from_text(kind, name, node, Code.UNKNOWN_ADVERTISEMENT_ERROR)
     assert caught.value.code == Code.UNKNOWN_ADVERTISEMENT_ERROR

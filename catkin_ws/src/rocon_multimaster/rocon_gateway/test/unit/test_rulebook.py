@@ -49,10 +49,12 @@ def test_advertising_all_replaces_and_ending_it_clears() -> None:
 
 def test_a_flip_or_pull_that_exists_is_refused() -> None:
     assert (
-        refusal(EMPTY.added("flip", [remote(A)]).added, "flip", [remote(B), remote(A)]) == Code.FLIP_RULE_ALREADY_EXISTS
+        refusal(EMPTY.added("flip", [remote(A)]).added, "flip", [remote(B), remote(A)])
+        == Code.FLIP_RULE_ALREADY_EXISTS
     )
     assert (
-        refusal(EMPTY.added("pull", [remote(A)]).added, "pull", [remote(B), remote(A)]) == Code.PULL_RULE_ALREADY_EXISTS
+        refusal(EMPTY.added("pull", [remote(A)]).added, "pull", [remote(B), remote(A)])
+        == Code.PULL_RULE_ALREADY_EXISTS
     )
 
 
@@ -101,7 +103,10 @@ def test_flipping_all_replaces_that_gateways_flips_and_its_blacklist_ends_with_i
 
 
 def test_pulling_all_twice_answers_the_code_of_flips() -> None:
-    assert refusal(EMPTY.with_all("pull", "other", []).with_all, "pull", "other", []) == Code.FLIP_RULE_ALREADY_EXISTS
+    assert (
+        refusal(EMPTY.with_all("pull", "other", []).with_all, "pull", "other", [])
+        == Code.FLIP_RULE_ALREADY_EXISTS
+    )
 
 
 def test_a_plain_name_on_the_blacklist_is_refused_with_the_rule() -> None:
@@ -110,6 +115,9 @@ def test_a_plain_name_on_the_blacklist_is_refused_with_the_rule() -> None:
     with pytest.raises(RequestError, match=r"blacklisted by publisher /rosout\.\*"):
         book.added("flip", [remote(A), remote(barred)])
     assert refusal(book.advertised, [barred]) == Code.UNKNOWN_ADVERTISEMENT_ERROR
-    assert refusal(book.added, "flip", [remote(Rule(Kind.PUBLISHER, "rosout"))]) == Code.HUB_UNKNOWN_ERROR
+    assert (
+        refusal(book.added, "flip", [remote(Rule(Kind.PUBLISHER, "rosout"))])
+        == Code.HUB_UNKNOWN_ERROR
+    )
     assert book.added("flip", [remote(Rule(Kind.SUBSCRIBER, "/rosout"))]).flips.rules
     assert book.added("flip", [remote(Rule(Kind.PUBLISHER, ALL))]).flips.rules

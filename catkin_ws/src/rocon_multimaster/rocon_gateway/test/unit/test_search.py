@@ -15,7 +15,9 @@ from rocon_hub_protocol.record import Record
 from rocon_hub_protocol.sighting import Sighting
 
 SIGHTING = SimpleNamespace(
-    hubs=(), ways=lambda _own, _stack: [HubAddress("127.0.0.1", 9)], is_local=lambda _own, _stack: True
+    hubs=(),
+    ways=lambda _own, _stack: [HubAddress("127.0.0.1", 9)],
+    is_local=lambda _own, _stack: True,
 )
 HERE, THERE = "stack-here", "stack-there"
 OWN = frozenset([IPv4Interface("192.168.2.7/24")])
@@ -32,22 +34,33 @@ def test_a_gateway_that_has_no_descriptor_for_a_hub_joins_it_once_there_is_one(
         if len(tries) < 3:
             raise OSError(24, "Too many open files")
         joined.set()
-        return SimpleNamespace(ways=ways, named=False, lost_since=0.0, stop=lambda: None, join=lambda: None)
+        return SimpleNamespace(
+            ways=ways, named=False, lost_since=0.0, stop=lambda: None, join=lambda: None
+        )
 
     def discovery(_on_change: Any) -> SimpleNamespace:
-        return SimpleNamespace(sightings=lambda: [SIGHTING], rest=lambda: None, interfaces=frozenset(), stack=None)
+        return SimpleNamespace(
+            sightings=lambda: [SIGHTING], rest=lambda: None, interfaces=frozenset(), stack=None
+        )
 
     monkeypatch.setattr(hubs, "HubClient", hub)
     monkeypatch.setattr(hubs, "Discovery", discovery)
     monkeypatch.setattr(hubs, "RETRY", 0.01)
     caplog.set_level(logging.INFO)
     record = Record("a", "1", "127.0.0.1", 9)
-    made = Hubs(HubsConfig(discover=True), record, lambda: (), lambda: None, logging.getLogger("test"))
+    made = Hubs(
+        HubsConfig(discover=True), record, lambda: (), lambda: None, logging.getLogger("test")
+    )
     try:
         assert joined.wait(10)
     finally:
         made.shutdown()
-    assert caplog.text.count("cannot join a hub that was found: [Errno 24] Too many open files; retrying") == 1
+    assert (
+        caplog.text.count(
+            "cannot join a hub that was found: [Errno 24] Too many open files; retrying"
+        )
+        == 1
+    )
 
 
 @pytest.mark.parametrize(
@@ -74,7 +87,9 @@ def test_without_a_credential_a_hub_that_another_machine_announces_is_not_joined
 
     def hub(ways: Any, *_: Any) -> SimpleNamespace:
         tried.extend(way.address.host for way in ways)
-        return SimpleNamespace(ways=ways, named=False, lost_since=0.0, stop=lambda: None, join=lambda: None)
+        return SimpleNamespace(
+            ways=ways, named=False, lost_since=0.0, stop=lambda: None, join=lambda: None
+        )
 
     def sightings() -> list[Sighting]:
         looked.release()

@@ -46,7 +46,9 @@ class Announcement:
         import zeroconf  # only for hubs that announce themselves
 
         logging.getLogger("zeroconf").setLevel(logging.ERROR)
-        reachable = [address for address in addresses if not address.startswith("127.")] or [LOOPBACK]
+        reachable = [address for address in addresses if not address.startswith("127.")] or [
+            LOOPBACK
+        ]
         instance = f"{instance_name(self._name, socket.gethostname(), self._port)}.{SERVICE}"
         try:
             service = zeroconf.ServiceInfo(
@@ -55,7 +57,11 @@ class Announcement:
                 server=instance,  # required by Debian 13's zeroconf
                 port=self._port,
                 parsed_addresses=reachable,
-                properties={"name": self._name, "stack": network_stack(), **({"tls": "1"} if self._tls else {})},
+                properties={
+                    "name": self._name,
+                    "stack": network_stack(),
+                    **({"tls": "1"} if self._tls else {}),
+                },
             )
             self._zeroconf = zeroconf.Zeroconf(addresses, ip_version=zeroconf.IPVersion.V4Only)
             # Not register_service: it rejects rocon's service type, which is longer than RFC 6763 allows.

@@ -20,7 +20,19 @@ LONGEST_VALUE = 4 << 20
 
 COMMANDS = (
     *("get", "set", "mget", "del", "pexpire", "sadd", "srem", "smembers", "sismember"),
-    *("hset", "hdel", "hmget", "hgetall", "publish", "subscribe", "unsubscribe", "watch", "unwatch", "multi", "exec"),
+    *(
+        "hset",
+        "hdel",
+        "hmget",
+        "hgetall",
+        "publish",
+        "subscribe",
+        "unsubscribe",
+        "watch",
+        "unwatch",
+        "multi",
+        "exec",
+    ),
     *("ping", "info", "time"),
 )
 """The Redis commands that the protocol needs and gateways may use."""
@@ -28,7 +40,13 @@ COMMANDS = (
 _PATTERNS = (
     *("%R~rocon:hub:*", "~rocon:gateway:*", "~rocon:alive:*", "~rocon:requests:*", "~rocon:lost:*"),
     *("~rocon:kept:*", "~rocon:gateways", "~rocon:namespaces"),
-    *("&rocon:gateways", "&rocon:gateway:*", "&rocon:requests:*", "&rocon:examine", "&rocon:examined:*"),
+    *(
+        "&rocon:gateways",
+        "&rocon:gateway:*",
+        "&rocon:requests:*",
+        "&rocon:examine",
+        "&rocon:examined:*",
+    ),
 )
 """Keys and channels for gateways in the syntax of Redis ACLs; those of the hub itself are read-only."""
 
@@ -43,7 +61,9 @@ class HubConfig:
     #: memory limit of Redis for data and connections, in Redis' notation. A thousand gateways that reconnect at once
     #: need 80 MB for a moment, more if they read slowly.
     max_memory: str = "256mb"
-    gateway_gone_timeout: float = 300.0  #: time after which the record of a silent gateway is deleted [s]
+    gateway_gone_timeout: float = (
+        300.0  #: time after which the record of a silent gateway is deleted [s]
+    )
     watcher_thread_rate: float = 0.2  #: how often to check for such records [Hz]
     password_file: str = ""  #: file with the hub's password; empty: use the environment, or none
     #: directory with the fleet's certificates; only clients with one can then connect. Empty: use the environment, or
@@ -58,9 +78,13 @@ class HubConfig:
         if not 0 < self.port < 65536:
             raise HubNodeError(f"hub: ~port must be 1 to 65535, not {self.port}")
         if not re.fullmatch(r"\d+(b|kb?|mb?|gb?)?", self.max_memory.lower()):
-            raise HubNodeError(f"hub: ~max_memory must be a size such as 64mb, not {self.max_memory!r}")
+            raise HubNodeError(
+                f"hub: ~max_memory must be a size such as 64mb, not {self.max_memory!r}"
+            )
         if self.gateway_gone_timeout <= 0 or self.watcher_thread_rate <= 0:
-            raise HubNodeError("hub: ~gateway_gone_timeout and ~watcher_thread_rate must be greater than 0")
+            raise HubNodeError(
+                "hub: ~gateway_gone_timeout and ~watcher_thread_rate must be greater than 0"
+            )
 
     @property
     def directory_name(self) -> str:
@@ -84,7 +108,9 @@ def is_open(config: HubConfig, guard: Guard) -> bool:
     return guard.has_password or bool(guard.certificate) or config.insecure
 
 
-def redis_configuration(config: HubConfig, directory: Path, guard: Guard, admin_password: str) -> str:
+def redis_configuration(
+    config: HubConfig, directory: Path, guard: Guard, admin_password: str
+) -> str:
     """Returns the text of a redis.conf for a private server that stores nothing on disk.
 
     Args:
@@ -137,7 +163,9 @@ def _ports(config: HubConfig, guard: Guard) -> list[str]:
 
 def quoted(text: str) -> str:
     """Returns `text` as one argument of a redis.conf line."""
-    body = "".join(c if c.isascii() and c.isprintable() and c not in '"\\' else _escaped(c) for c in text)
+    body = "".join(
+        c if c.isascii() and c.isprintable() and c not in '"\\' else _escaped(c) for c in text
+    )
     return f'"{body}"'
 
 

@@ -227,10 +227,15 @@ class Client(End):
     """
 
     def __init__(
-        self, loop: asyncio.AbstractEventLoop, connection: socket.socket, left: Callable[["Client"], object]
+        self,
+        loop: asyncio.AbstractEventLoop,
+        connection: socket.socket,
+        left: Callable[["Client"], object],
     ) -> None:
         super().__init__()
-        self.admission: asyncio.Task[None] | None = None  #: ends when the client is admitted or refused
+        self.admission: asyncio.Task[None] | None = (
+            None  #: ends when the client is admitted or refused
+        )
         self._loop, self._connection, self._left = loop, connection, left
         self._received = b""
         self._line: asyncio.Future[bytes] = loop.create_future()
@@ -277,7 +282,9 @@ def _listening(port: int) -> list[socket.socket]:
     sockets = [socket.create_server(("", port), backlog=BACKLOG)]
     if socket.has_ipv6:
         try:
-            sockets.append(socket.create_server(("::", port), family=socket.AF_INET6, backlog=BACKLOG))
+            sockets.append(
+                socket.create_server(("::", port), family=socket.AF_INET6, backlog=BACKLOG)
+            )
         except OSError:  # IPv6 is built in but disabled
             return sockets
     return sockets

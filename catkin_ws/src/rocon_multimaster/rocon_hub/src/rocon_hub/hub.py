@@ -54,7 +54,9 @@ class HubNode:
 
     def __init__(self) -> None:
         self._config = config_from_mapping(HubConfig, entry.parameters(), rospy.get_name())
-        access = Access(password_from(self._config.password_file), certificates_from(self._config.tls_directory))
+        access = Access(
+            password_from(self._config.password_file), certificates_from(self._config.tls_directory)
+        )
         directory = Path(rospkg.get_ros_home()) / "redis" / self._config.directory_name
         self._server = RedisServer(self._config, directory, access)
         salt = self._server.salt() if access.password else ""
@@ -103,7 +105,12 @@ class HubNode:
         except redis.ResponseError as error:
             text = f"hub: redis-server does not take the hub's name ({error}); is ~max_memory too small?"
             raise RedisError(text) from None
-        rospy.loginfo("hub '%s' on port %d (redis-server %d)", self._config.name, self._config.port, self._server.pid)
+        rospy.loginfo(
+            "hub '%s' on port %d (redis-server %d)",
+            self._config.name,
+            self._config.port,
+            self._server.pid,
+        )
 
     def _watch(self) -> None:
         next_announcement = 0.0
@@ -118,7 +125,9 @@ class HubNode:
             except redis.ConnectionError:
                 continue  # Redis has died or is about to; this is logged at the restart
             except redis.RedisError as error:
-                self._unanswered = self._unanswered + 1 if isinstance(error, redis.TimeoutError) else 0
+                self._unanswered = (
+                    self._unanswered + 1 if isinstance(error, redis.TimeoutError) else 0
+                )
                 self._complain(error)
 
     def _check(self) -> None:
@@ -169,7 +178,9 @@ class HubNode:
     def _restart(self, why: str) -> None:
         self._failures = self._failures + 1 if time.monotonic() - self._started < SHORT_LIFE else 1
         if self._failures >= FAILURES:
-            raise RedisError(f"hub: redis-server failed {self._failures} times in a row (log: {self._server.log})")
+            raise RedisError(
+                f"hub: redis-server failed {self._failures} times in a row (log: {self._server.log})"
+            )
         rospy.logerr("redis-server %s; starting it again (log: %s)", why, self._server.log)
         self._server.stop()
         self._next_clear = 0.0

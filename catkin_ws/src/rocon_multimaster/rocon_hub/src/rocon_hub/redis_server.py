@@ -78,7 +78,9 @@ class RedisServer:
             # Keeps gateway names that are not valid UTF-8, so that these gateways are removed like others.
             encoding_errors="surrogateescape",
         )
-        self.client = redis.Redis(connection_pool=pool)  #: client of the user with all permissions, over the socket
+        self.client = redis.Redis(
+            connection_pool=pool
+        )  #: client of the user with all permissions, over the socket
 
     def salt(self) -> str:
         """Returns the fleet's salt. It is created once and kept in the directory, so restarts do not change it."""
@@ -102,7 +104,9 @@ class RedisServer:
         """
         executable = shutil.which("redis-server")
         if executable is None:
-            raise RedisError("hub: there is no redis-server on the PATH; install the package redis-server")
+            raise RedisError(
+                "hub: there is no redis-server on the PATH; install the package redis-server"
+            )
         self._check_port()
         configuration = self._write_configuration()
         with self.log.open("ab") as log:
@@ -138,7 +142,9 @@ class RedisServer:
     def _write_configuration(self) -> Path:
         path = self._directory / "redis.conf"
         path.touch(mode=0o600)
-        path.write_text(redis_configuration(self._config, self._directory, self._guard, self._admin_password))
+        path.write_text(
+            redis_configuration(self._config, self._directory, self._guard, self._admin_password)
+        )
         return path
 
     def _await(self) -> None:
@@ -150,9 +156,13 @@ class RedisServer:
                 return
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(0.02)
-                raise RedisError(f"hub: redis-server ended at once: {self._last_line()} (log: {self.log})")
+                raise RedisError(
+                    f"hub: redis-server ended at once: {self._last_line()} (log: {self.log})"
+                )
         self.stop()
-        raise RedisError(f"hub: redis-server did not answer within {START_TIMEOUT:g} s (log: {self.log})")
+        raise RedisError(
+            f"hub: redis-server did not answer within {START_TIMEOUT:g} s (log: {self.log})"
+        )
 
     def has_our_users(self) -> bool:
         """Returns whether Redis' users and permissions are unchanged since its start; raises redis.RedisError."""

@@ -43,7 +43,9 @@ class Registry:
         self._patience = patience
         self._watch = Watch(patience)
         self._name = ""
-        self.returned: set[str] = set()  #: gateways that the last look found alive again after a silence
+        self.returned: set[str] = (
+            set()
+        )  #: gateways that the last look found alive again after a silence
 
     def open(self, name: str) -> None:
         """Writes the name that identifies this Redis as a hub, and resets the tracking of silent gateways."""
@@ -76,7 +78,11 @@ class Registry:
         """
         since = int(time.time()), int(self._patience) + 1
         event = json.dumps({"gateway": name, "event": "expired"})
-        return bool(self._client.eval(_EXPIRE, 3, alive_key(name), lost_key(name), GATEWAYS_KEY, *since, event))
+        return bool(
+            self._client.eval(
+                _EXPIRE, 3, alive_key(name), lost_key(name), GATEWAYS_KEY, *since, event
+            )
+        )
 
     def _members(self) -> set[str]:
         try:

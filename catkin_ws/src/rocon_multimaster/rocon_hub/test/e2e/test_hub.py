@@ -26,12 +26,19 @@ from rocon_hub_protocol.redis_client import OPEN, Access, NotOurHubError, redis_
 from tcpros.descriptor import raise_limit
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 
 class Bench:
     def __init__(self, folder: Path) -> None:
-        self.folder, self.group, self.master, self.ports = folder, ProcessGroup(), Master(), PortReservation()
+        self.folder, self.group, self.master, self.ports = (
+            folder,
+            ProcessGroup(),
+            Master(),
+            PortReservation(),
+        )
         self.port = self.ports.take(17380)
         self.home = folder / "home"
         self.master.set_param("/hub", {"name": "Test Hub", "port": self.port})
@@ -42,15 +49,21 @@ class Bench:
         return self.group.start(name, argv, environment, self.folder / f"{name}.log")
 
     def client(self, password: str | None = None) -> redis.Redis:
-        return redis_client(HubAddress("127.0.0.1", self.port), Access((lambda: password) if password else None))
+        return redis_client(
+            HubAddress("127.0.0.1", self.port), Access((lambda: password) if password else None)
+        )
 
     def admin(self) -> redis.Redis:
         """Returns a client of the hub's own user, who has all permissions; only this OS user's processes can be one."""
         (configuration,) = self.home.glob("redis/*/redis.conf")
-        (password,) = re.findall(r'^user hub reset on ">(\w+)"', configuration.read_text(), re.MULTILINE)
+        (password,) = re.findall(
+            r'^user hub reset on ">(\w+)"', configuration.read_text(), re.MULTILINE
+        )
         folder = os.open(configuration.parent, os.O_PATH)
         path = f"/proc/self/fd/{folder}/redis.sock"
-        return redis.Redis(unix_socket_path=path, username="hub", password=password, decode_responses=True)
+        return redis.Redis(
+            unix_socket_path=path, username="hub", password=password, decode_responses=True
+        )
 
     def name(self, password: str | None = None) -> str | None:
         with self.client(password) as client:
@@ -61,8 +74,13 @@ class Bench:
 
     def redis_pid(self) -> int:
         def pid() -> int:
-            with self.client() as client, contextlib.suppress(redis.ConnectionError, redis.TimeoutError):
-                return int(client.info("server")["process_id"]) if client.get("rocon:hub:name") else 0
+            with (
+                self.client() as client,
+                contextlib.suppress(redis.ConnectionError, redis.TimeoutError),
+            ):
+                return (
+                    int(client.info("server")["process_id"]) if client.get("rocon:hub:name") else 0
+                )
             return 0
 
         return wait_until(pid, "the hub's name", START)
@@ -111,12 +129,17 @@ def test_a_password_is_asked_for_and_kept_out_of_the_log(bench: Bench, tmp_path:
     wait_until(lambda: bench.name("open sesame"), "the hub's name", START)
     with bench.client() as client, pytest.raises(redis.AuthenticationError, match="wants a proof"):
         client.get("rocon:hub:name")
-    with bench.client("open barley") as client, pytest.raises(NotOurHubError, match="another password"):
+    with (
+        bench.client("open barley") as client,
+        pytest.raises(NotOurHubError, match="another password"),
+    ):
         client.get("rocon:hub:name")
     assert "open sesame" not in (bench.folder / "hub.log").read_text()
 
 
-def test_a_changed_password_file_applies_to_new_connections_only(bench: Bench, tmp_path: Path) -> None:
+def test_a_changed_password_file_applies_to_new_connections_only(
+    bench: Bench, tmp_path: Path
+) -> None:
     secret = tmp_path / "secret"
     secret.write_text("open sesame\n")
     bench.start(ROCON_HUB_PASSWORD_FILE=str(secret))
@@ -140,7 +163,9 @@ def server(bench: Bench, tmp_path: Path) -> Iterator[RedisServer]:
     made.stop()
 
 
-def test_a_gateway_that_joins_while_the_hub_looks_is_not_called_expired(server: RedisServer) -> None:
+def test_a_gateway_that_joins_while_the_hub_looks_is_not_called_expired(
+    server: RedisServer,
+) -> None:
     # After a frozen Redis resumed, every gateway once joined and was declared lost right after, for good.
     client = server.client
     registry = Registry(client, 60.0)
@@ -164,7 +189,9 @@ def test_a_gateway_that_joins_while_the_hub_looks_is_not_called_expired(server: 
     events.close()
 
 
-def test_of_whom_an_error_kept_the_hub_from_telling_it_tells_with_the_next_look(server: RedisServer) -> None:
+def test_of_whom_an_error_kept_the_hub_from_telling_it_tells_with_the_next_look(
+    server: RedisServer,
+) -> None:
     client = server.client
     registry = Registry(client, 60.0)
     registry.open("Test Hub")
@@ -183,16 +210,23 @@ def test_of_whom_an_error_kept_the_hub_from_telling_it_tells_with_the_next_look(
     assert list(registry.look(time.monotonic())) == []
 
 
-def test_a_thousand_gateways_find_room_when_they_come_back_at_once(bench: Bench, server: RedisServer) -> None:
+def test_a_thousand_gateways_find_room_when_they_come_back_at_once(
+    bench: Bench, server: RedisServer
+) -> None:
     raise_limit()
     count, port = 1000, bench.port
     with contextlib.ExitStack() as stack:
-        ends = [stack.enter_context(socket.create_connection(("127.0.0.1", port), 30)) for _ in range(2 * count)]
+        ends = [
+            stack.enter_context(socket.create_connection(("127.0.0.1", port), 30))
+            for _ in range(2 * count)
+        ]
         listening, speaking = ends[::2], ends[1::2]
         for one in listening:
             one.sendall(b"subscribe rocon:gateways\r\n")
         for number, one in enumerate(speaking):
-            told = json.dumps({"gateway": f"gateway{number:04}" + "0" * 32, "event": "joined"}).replace('"', "'")
+            told = json.dumps(
+                {"gateway": f"gateway{number:04}" + "0" * 32, "event": "joined"}
+            ).replace('"', "'")
             said = [
                 "multi",
                 f"set rocon:gateway:{number} {'x' * 2000}",
@@ -234,7 +268,9 @@ def test_a_full_hub_logs_once_and_accepts_gateways_when_there_is_room(bench: Ben
     assert bench.redis_pid() == first
 
 
-def test_a_full_redis_keeps_the_gateways_it_has_and_forgets_those_that_are_gone(bench: Bench) -> None:
+def test_a_full_redis_keeps_the_gateways_it_has_and_forgets_those_that_are_gone(
+    bench: Bench,
+) -> None:
     bench.master.set_param("/hub/max_memory", "8mb")
     bench.master.set_param("/hub/gateway_gone_timeout", 2.0)
     bench.start()
@@ -316,7 +352,9 @@ def test_a_redis_whose_users_were_changed_is_started_again(bench: Bench) -> None
     with bench.admin() as admin:
         admin.execute_command("ACL", "SETUSER", "default", "+@all")
     wait_until(lambda: bench.redis_pid() != first, "another Redis", 10)
-    assert "users or permissions that this hub did not set" in (bench.folder / "hub.log").read_text()
+    assert (
+        "users or permissions that this hub did not set" in (bench.folder / "hub.log").read_text()
+    )
     with bench.client() as client, pytest.raises(redis.exceptions.NoPermissionError):
         client.flushall()
 

@@ -22,11 +22,23 @@ class Servers:
     """A hub's Redis without TLS and one with TLS, and the credentials that gateways may use."""
 
     def __init__(self, folder: Path) -> None:
-        authorities = Authority(folder / "ours"), Authority(folder / "theirs"), Authority(folder / "ours", -1)
-        directories = (authority.certify(f"robot{number}") for number, authority in enumerate(authorities))
+        authorities = (
+            Authority(folder / "ours"),
+            Authority(folder / "theirs"),
+            Authority(folder / "ours", -1),
+        )
+        directories = (
+            authority.certify(f"robot{number}") for number, authority in enumerate(authorities)
+        )
         ours, foreign, expired = (Access(None, certificates_from(str(one))) for one in directories)
         with_password = Access(lambda: "open sesame", ours.certificates)
-        self.accesses = {"none": OPEN, "ours": ours, "foreign": foreign, "expired": expired, "secret": with_password}
+        self.accesses = {
+            "none": OPEN,
+            "ours": ours,
+            "foreign": foreign,
+            "expired": expired,
+            "secret": with_password,
+        }
         self._ports = PortReservation()
         self._servers: dict[str, RedisServer] = {}
         self._addresses: dict[str, HubAddress] = {}
@@ -58,7 +70,9 @@ def servers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Servers]:
 
 
 @pytest.mark.parametrize("hub", ["ours", "secret"])
-def test_who_has_a_certificate_of_the_fleet_is_let_in_and_hears_events(servers: Servers, hub: str) -> None:
+def test_who_has_a_certificate_of_the_fleet_is_let_in_and_hears_events(
+    servers: Servers, hub: str
+) -> None:
     with contextlib.closing(servers.session(hub, hub)) as session:
         assert session.hub_name == "Test Hub"
         assert str(session.address).startswith("rediss://127.0.0.1:")
@@ -72,14 +86,28 @@ def test_who_has_a_certificate_of_the_fleet_is_let_in_and_hears_events(servers: 
 @pytest.mark.parametrize(
     ("hub", "access", "said"),
     [
-        ("ours", "none", "speaks TLS only: set ROCON_TLS_DIRECTORY to a directory with a certificate of its fleet"),
-        ("ours", "foreign", "TLS: its certificate is not good: self-signed certificate in certificate chain"),
+        (
+            "ours",
+            "none",
+            "speaks TLS only: set ROCON_TLS_DIRECTORY to a directory with a certificate of its fleet",
+        ),
+        (
+            "ours",
+            "foreign",
+            "TLS: its certificate is not good: self-signed certificate in certificate chain",
+        ),
         ("ours", "expired", "TLS: it refuses our certificate: certificate expired"),
-        ("none", "ours", "it speaks no TLS, but we have a certificate (ROCON_TLS_DIRECTORY): give it one too"),
+        (
+            "none",
+            "ours",
+            "it speaks no TLS, but we have a certificate (ROCON_TLS_DIRECTORY): give it one too",
+        ),
         ("secret", "ours", "wants a password: set ROCON_HUB_PASSWORD_FILE"),
     ],
 )
-def test_who_does_not_fit_gets_the_reason(servers: Servers, hub: str, access: str, said: str) -> None:
+def test_who_does_not_fit_gets_the_reason(
+    servers: Servers, hub: str, access: str, said: str
+) -> None:
     with pytest.raises(HubError) as caught:
         servers.session(hub, access)
     assert said in str(caught.value)

@@ -32,9 +32,13 @@ def test_with_a_password_redis_has_no_port() -> None:
 def test_certificates_open_the_hub_to_who_has_one_and_leave_no_plain_port() -> None:
     guard = Guard(False, "/tls/tls.crt", "/a b/tls.key", "/tls/ca.crt")
     text = redis_configuration(HubConfig(port=1234), DIRECTORY, guard, "admin").splitlines()
-    assert {"bind * -::*", "port 0", "tls-port 1234", "tls-auth-clients yes", 'tls-key-file "/a b/tls.key"'} <= set(
-        text
-    )
+    assert {
+        "bind * -::*",
+        "port 0",
+        "tls-port 1234",
+        "tls-auth-clients yes",
+        'tls-key-file "/a b/tls.key"',
+    } <= set(text)
 
 
 def test_nothing_is_saved() -> None:
@@ -47,7 +51,14 @@ def test_a_password_cannot_add_a_line() -> None:
 
 
 @pytest.mark.parametrize(
-    "values", [{"name": ""}, {"port": 0}, {"max_memory": "much"}, {"gateway_gone_timeout": 0.0}, {"name": "a\nb"}]
+    "values",
+    [
+        {"name": ""},
+        {"port": 0},
+        {"max_memory": "much"},
+        {"gateway_gone_timeout": 0.0},
+        {"name": "a\nb"},
+    ],
 )
 def test_a_value_that_cannot_be_meant_is_refused(values: dict[str, object]) -> None:
     with pytest.raises(HubNodeError):

@@ -24,7 +24,9 @@ PATIENCE = 60.0
 
 
 @contextlib.contextmanager
-def listening(redis: str = "", context: ssl.SSLContext | None = None) -> Iterator[tuple[int, Front]]:
+def listening(
+    redis: str = "", context: ssl.SSLContext | None = None
+) -> Iterator[tuple[int, Front]]:
     """Yields a port and the front that listens on it."""
     with contextlib.ExitStack() as stack:
         ports = PortReservation()
@@ -52,7 +54,8 @@ def test_gateways_that_come_all_at_once_are_admitted_at_their_first_attempt(tmp_
         redis.bind(str(tmp_path / "redis"))
         redis.listen(CROWD)
         crowd = [
-            (socket.create_connection(("127.0.0.1", port), PATIENCE), GatewaySide("open sesame")) for _ in range(CROWD)
+            (socket.create_connection(("127.0.0.1", port), PATIENCE), GatewaySide("open sesame"))
+            for _ in range(CROWD)
         ]
         for connection, side in crowd:
             stack.enter_context(connection)
@@ -72,24 +75,38 @@ def test_clients_that_leave_while_they_wait_do_not_pile_up() -> None:
         with socket.create_connection(("127.0.0.1", port), PATIENCE) as last:
             last.sendall(GatewaySide("open sesame").first)
             wait_until(
-                lambda: len(asyncio.all_tasks(made._loop)) == len(made._sockets) + 2, "the others' end", PATIENCE
+                lambda: len(asyncio.all_tasks(made._loop)) == len(made._sockets) + 2,
+                "the others' end",
+                PATIENCE,
             )
             made._loop.call_soon_threadsafe(made._turn.release)
             assert line(last)
 
 
-@pytest.mark.parametrize("context", [None, ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)], ids=["plain", "tls"])
-def test_who_says_nothing_is_closed(monkeypatch: pytest.MonkeyPatch, context: ssl.SSLContext | None) -> None:
+@pytest.mark.parametrize(
+    "context", [None, ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)], ids=["plain", "tls"]
+)
+def test_who_says_nothing_is_closed(
+    monkeypatch: pytest.MonkeyPatch, context: ssl.SSLContext | None
+) -> None:
     """With TLS, such a client could once stay for a minute without being counted."""
     monkeypatch.setattr(front, "HANDSHAKE_TIME", 0.2)
-    with listening(context=context) as (port, _), socket.create_connection(("127.0.0.1", port), 10.0) as silent:
+    with (
+        listening(context=context) as (port, _),
+        socket.create_connection(("127.0.0.1", port), 10.0) as silent,
+    ):
         assert silent.recv(1) == b""
 
 
-def test_stalled_tls_handshakes_count_as_clients_that_have_not_proved_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stalled_tls_handshakes_count_as_clients_that_have_not_proved_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """They once counted only from the end of the handshake, so any number of them could hold a descriptor for 5 s."""
     monkeypatch.setattr(front, "MAX_UNPROVEN", 3)
-    with listening(context=ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)) as (port, _), contextlib.ExitStack() as stack:
+    with (
+        listening(context=ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)) as (port, _),
+        contextlib.ExitStack() as stack,
+    ):
         monkeypatch.setattr(front, "HANDSHAKE_TIME", PATIENCE)
         crowd = [
             stack.enter_context(socket.create_connection(("127.0.0.1", port), PATIENCE / 2))
@@ -117,7 +134,9 @@ def lowest_unused() -> int:
     return unused
 
 
-def test_where_few_files_may_be_open_fewer_unproven_clients_are_held(caplog: pytest.LogCaptureFixture) -> None:
+def test_where_few_files_may_be_open_fewer_unproven_clients_are_held(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     few = 2 * max(map(int, os.listdir("/proc/self/fd"))) + 40
     with files_open_at_most(few), contextlib.ExitStack() as stack:
         with caplog.at_level(logging.WARNING, "rosout"):

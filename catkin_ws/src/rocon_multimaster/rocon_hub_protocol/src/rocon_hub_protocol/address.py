@@ -17,7 +17,9 @@ class HubAddress:
 
     host: str  #: host name or IP address
     port: int  #: its port
-    tls: bool = field(default=False, compare=False)  #: whether it is known to use TLS; ignored in comparisons
+    tls: bool = field(
+        default=False, compare=False
+    )  #: whether it is known to use TLS; ignored in comparisons
 
     def __str__(self) -> str:
         return f"{TLS_SCHEME if self.tls else 'http'}://{self.host}:{self.port}"
@@ -29,9 +31,14 @@ def address_from_uri(uri: str) -> HubAddress:
     Raises:
         HubError: 12 for any other text.
     """
-    found = re.fullmatch(r"(?:([a-z]+)://)?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+)(?::(\d{1,5}))?/?", uri.strip())
+    found = re.fullmatch(
+        r"(?:([a-z]+)://)?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+)(?::(\d{1,5}))?/?", uri.strip()
+    )
     if not found:
-        raise HubError(Code.HUB_CONNECTION_UNRESOLVABLE, f"'{uri}' is not a hub's address; write http://host:port")
+        raise HubError(
+            Code.HUB_CONNECTION_UNRESOLVABLE,
+            f"'{uri}' is not a hub's address; write http://host:port",
+        )
     port = int(found[3] or DEFAULT_PORT)
     if not 0 < port < 65536:
         raise HubError(Code.HUB_CONNECTION_UNRESOLVABLE, f"'{uri}': there is no port {port}")

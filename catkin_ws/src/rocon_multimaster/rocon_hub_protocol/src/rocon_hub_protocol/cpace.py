@@ -62,7 +62,9 @@ class Exchange:
         except CryptoError:
             raise ProofError("the share is not a point of the curve") from None
         said = _joined(first, b""), _joined(second, b"")
-        key = hashlib.sha512(_joined(_SUITE + b"_ISK", self._session, point) + said[0] + said[1]).digest()
+        key = hashlib.sha512(
+            _joined(_SUITE + b"_ISK", self._session, point) + said[0] + said[1]
+        ).digest()
         key = hashlib.sha512(b"CPaceMac" + self._session + key).digest()
         return hmac.digest(key, said[0], "sha512"), hmac.digest(key, said[1], "sha512")
 
@@ -72,7 +74,9 @@ def generator(password: bytes, channel: bytes, session: bytes) -> bytes:
     padding = max(0, _BLOCK - 1 - len(_joined(password)) - len(_joined(_SUITE)))
     text = _joined(_SUITE, password, bytes(padding), channel, session)
     digest = hashlib.sha512(text).digest()[:SHARE_LENGTH]
-    return _elligator(int.from_bytes(digest, "little") & (2**255 - 1)).to_bytes(SHARE_LENGTH, "little")
+    return _elligator(int.from_bytes(digest, "little") & (2**255 - 1)).to_bytes(
+        SHARE_LENGTH, "little"
+    )
 
 
 def _elligator(number: int) -> int:

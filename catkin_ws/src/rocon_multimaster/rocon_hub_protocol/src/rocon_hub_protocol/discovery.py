@@ -93,7 +93,9 @@ class Discovery:
         )
         # Multicast answers: a unicast answer may reach another program on this machine that shares the port.
         self._question = zeroconf.DNSQuestionType.QM
-        zeroconf.ServiceBrowser(self._zeroconf, SERVICE, handlers=[self._take], question_type=self._question)
+        zeroconf.ServiceBrowser(
+            self._zeroconf, SERVICE, handlers=[self._take], question_type=self._question
+        )
 
     def _close(self) -> None:
         if self._zeroconf is not None:
@@ -112,7 +114,9 @@ class Discovery:
             self._keep(zeroconf, name, _sighting(info))
         elif self._asking.acquire(blocking=False):
             # In a separate thread, because this callback blocks further announcements and the hub may never answer.
-            threading.Thread(target=self._ask, args=(zeroconf, info), name="hub address", daemon=True).start()
+            threading.Thread(
+                target=self._ask, args=(zeroconf, info), name="hub address", daemon=True
+            ).start()
 
     def _ask(self, zeroconf: Any, info: Any) -> None:
         try:
@@ -150,4 +154,8 @@ def _sighting(info: Any) -> Sighting | None:
     addresses = tuple(info.parsed_addresses(zeroconf.IPVersion.V4Only))[:MOST_ADDRESSES]
     stack = (info.properties.get(b"stack") or b"").decode(errors="replace")
     tls = info.properties.get(b"tls") == b"1"
-    return Sighting(info.name.removesuffix(f".{SERVICE}"), info.port, addresses, stack, tls) if addresses else None
+    return (
+        Sighting(info.name.removesuffix(f".{SERVICE}"), info.port, addresses, stack, tls)
+        if addresses
+        else None
+    )

@@ -31,7 +31,9 @@ class PasswordFile:
             self._read = self._stamp()
             self._password = _first_line(path)
         except (OSError, ValueError) as error:
-            raise HubError(Code.HUB_CONNECTION_FAILED, f"the hub's password file cannot be used: {error}") from None
+            raise HubError(
+                Code.HUB_CONNECTION_FAILED, f"the hub's password file cannot be used: {error}"
+            ) from None
 
     def __call__(self) -> str:
         """Returns the password."""
@@ -40,9 +42,13 @@ class PasswordFile:
             if stamp != self._read:
                 self._read, self._password = stamp, _first_line(self._path)
                 self._said = ""
-                self._logger.info("the hub's password file has changed; its new password holds from now on")
+                self._logger.info(
+                    "the hub's password file has changed; its new password holds from now on"
+                )
         except (OSError, ValueError) as error:
-            self._complain(f"the hub's password file cannot be used any more, keeping its last password: {error}")
+            self._complain(
+                f"the hub's password file cannot be used any more, keeping its last password: {error}"
+            )
         return self._password
 
     def _complain(self, text: str) -> None:

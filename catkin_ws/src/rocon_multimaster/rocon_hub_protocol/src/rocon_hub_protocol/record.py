@@ -11,7 +11,15 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from rocon_hub_protocol.code import HubProtocolError
-from rocon_hub_protocol.rule import LONGEST_NAME, Connection, Kind, RemoteRule, Rule, is_namespace, is_ros_name
+from rocon_hub_protocol.rule import (
+    LONGEST_NAME,
+    Connection,
+    Kind,
+    RemoteRule,
+    Rule,
+    is_namespace,
+    is_ros_name,
+)
 
 PROTOCOL = 2
 """Version of this protocol, stored in ``rocon:hub:protocol``."""
@@ -130,7 +138,9 @@ def text_from_record(record: Record) -> str:
             "host": record.host,
             "port": record.port,
             "firewall": record.firewall,
-            "advertisements": [[one.kind, one.name, one.type, one.node] for one in record.advertisements],
+            "advertisements": [
+                [one.kind, one.name, one.type, one.node] for one in record.advertisements
+            ],
             "flips": [_row(one) for one in record.flips],
             "pulls": [_row(one) for one in record.pulls],
             "namespace": record.namespace,
@@ -149,7 +159,9 @@ def record_from_text(text: str | bytes) -> Record:
         host=_field(document, "host", str),
         port=_field(document, "port", int),
         firewall=_field(document, "firewall", bool),
-        advertisements=_rows(document, "advertisements", 4, _connection, lambda r: _are_names(r[1], r[2], r[3])),
+        advertisements=_rows(
+            document, "advertisements", 4, _connection, lambda r: _are_names(r[1], r[2], r[3])
+        ),
         flips=_rows(document, "flips", 4, _remote, _are_short),
         pulls=_rows(document, "pulls", 4, _remote, _are_short),
         namespace=_field({"namespace": "", **document}, "namespace", str),
@@ -160,9 +172,13 @@ def text_from_request(request: PeerRequest) -> str:
     """Returns the JSON text of a request."""
     return _text(
         {
-            "offers": [[one.topic, one.type, one.node, one.purpose, one.to_node] for one in request.offers],
+            "offers": [
+                [one.topic, one.type, one.node, one.purpose, one.to_node] for one in request.offers
+            ],
             "wants": [[one.topic, one.node, one.purpose] for one in request.wants],
-            "replies": [[one.kind, one.topic, one.node, one.state, one.reason] for one in request.replies],
+            "replies": [
+                [one.kind, one.topic, one.node, one.state, one.reason] for one in request.replies
+            ],
         }
     )
 
@@ -173,7 +189,9 @@ def request_from_text(text: str | bytes) -> PeerRequest:
     return PeerRequest(
         offers=_rows(document, "offers", 5, _offer, lambda r: _are_names(r[0], r[1], r[2], r[4])),
         wants=_rows(document, "wants", 3, lambda r: Want(r[0], r[1], Purpose(r[2])), _is_want),
-        replies=_rows(document, "replies", 5, lambda r: Reply(Kind(r[0]), r[1], r[2], r[3], r[4]), _are_short),
+        replies=_rows(
+            document, "replies", 5, lambda r: Reply(Kind(r[0]), r[1], r[2], r[3], r[4]), _are_short
+        ),
     )
 
 
@@ -193,7 +211,11 @@ def _document(text: str | bytes) -> Mapping[str, Any]:
 
 def _field(document: Mapping[str, Any], name: str, kind: type[Value]) -> Value:
     value = document.get(name)
-    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)) or (kind is str and not is_text(value)):
+    if (
+        not isinstance(value, kind)
+        or (kind is int and isinstance(value, bool))
+        or (kind is str and not is_text(value))
+    ):
         raise RecordError(f"'{name}' is {value!r}, not a {kind.__name__}")
     return value
 

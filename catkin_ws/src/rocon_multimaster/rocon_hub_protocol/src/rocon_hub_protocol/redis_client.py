@@ -85,12 +85,16 @@ def prove(sock: socket.socket, password: str) -> None:
     if line.startswith(b"-NOAUTH"):
         raise NotOurHubError("asks for the password in clear, which we never send: update it")
     if line.startswith(b"-"):
-        raise NotOurHubError(f"has no password, but we have one: unset {FILE_VARIABLE} here or set it there")
+        raise NotOurHubError(
+            f"has no password, but we have one: unset {FILE_VARIABLE} here or set it there"
+        )
     try:
         sock.sendall(side.prove(line))
         line = _line(sock)
         if line == REFUSED:
-            raise NotOurHubError(f"wants another password than ours (from {FILE_VARIABLE} or hub_password_file)")
+            raise NotOurHubError(
+                f"wants another password than ours (from {FILE_VARIABLE} or hub_password_file)"
+            )
         known = side.accepts(line)
     except ProofError as error:
         raise NotOurHubError(f"is no hub of ours: {error}") from None
@@ -135,7 +139,11 @@ def redis_client(address: HubAddress, access: Access) -> redis.Redis:
 def unreachable(address: HubAddress, access: Access, error: Exception) -> HubError:
     """Returns the error for a hub that has not answered: 14 if TLS is the reason, else 12."""
     if access.certificates is None:
-        if not _is_refused(error) and not isinstance(error, redis.TimeoutError) and _speaks(speaks_tls, address):
+        if (
+            not _is_refused(error)
+            and not isinstance(error, redis.TimeoutError)
+            and _speaks(speaks_tls, address)
+        ):
             return needs_certificate(address)
         reason = ""
     else:
@@ -155,13 +163,17 @@ def _tls_reason(address: HubAddress, certificates: Certificates, error: Exceptio
     if _is_refused(error):
         return ""
     found = _cause(error, ssl.SSLError)
-    if isinstance(found, ssl.SSLEOFError) or (found is None and _cause(error, TimeoutError) is None):
+    if isinstance(found, ssl.SSLEOFError) or (
+        found is None and _cause(error, TimeoutError) is None
+    ):
         # A hub that rejects us closes at once, so our own send may have failed before its alert arrived.
         found = certificates.refusal(address.host, address.port, TIMEOUT)
     if found is None and not _speaks(speaks_plainly, address):
         return ""
     if found is None or NO_TLS in reason_of(found):
-        return f"{NO_TLS}, but we have a certificate ({VARIABLE}): give it one too, or take ours away"
+        return (
+            f"{NO_TLS}, but we have a certificate ({VARIABLE}): give it one too, or take ours away"
+        )
     return f"TLS: {reason_of(found)}"
 
 

@@ -54,7 +54,11 @@ class Sighting:
         if self.is_local(own, stack):
             return (self._at(LOOPBACK),)
         mine = {one.ip for one in own}
-        far = [one for one in map(IPv4Address, self.addresses) if not one.is_loopback and one not in mine]
+        far = [
+            one
+            for one in map(IPv4Address, self.addresses)
+            if not one.is_loopback and one not in mine
+        ]
         far.sort(key=lambda address: not any(address in one.network for one in own))
         return tuple(self._at(str(address)) for address in far)
 

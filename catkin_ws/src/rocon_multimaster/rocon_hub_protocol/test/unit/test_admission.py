@@ -35,7 +35,9 @@ def test_nothing_that_was_said_serves_a_second_time() -> None:
     assert HubSide(SECRET, gateway.first).verdict(proof) == (False, REFUSED)
 
 
-@pytest.mark.parametrize("line", [b"", b"PING\r\n", b"ROCON-PROVE 2 00\r\n", b"\xff" * 40, b"ROCON-PROVE 1 \r\n"])
+@pytest.mark.parametrize(
+    "line", [b"", b"PING\r\n", b"ROCON-PROVE 2 00\r\n", b"\xff" * 40, b"ROCON-PROVE 1 \r\n"]
+)
 def test_a_line_that_is_none_of_the_protocols_is_refused(line: bytes) -> None:
     with pytest.raises(ProofError):
         HubSide(SECRET, line)

@@ -31,7 +31,9 @@ def test_different_passwords_give_different_tags_and_shares_never_repeat() -> No
     assert Exchange("a", b"test", SESSION).share != Exchange("a", b"test", SESSION).share
 
 
-@pytest.mark.parametrize("share", [bytes(32), b"", bytes(31), (1).to_bytes(32, "little"), b"\xff" * 33])
+@pytest.mark.parametrize(
+    "share", [bytes(32), b"", bytes(31), (1).to_bytes(32, "little"), b"\xff" * 33]
+)
 def test_a_share_that_would_fix_the_outcome_is_refused(share: bytes) -> None:
     exchange = Exchange("open sesame", b"test", SESSION)
     with pytest.raises(ProofError):

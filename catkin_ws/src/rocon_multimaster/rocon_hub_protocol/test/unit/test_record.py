@@ -30,7 +30,10 @@ RECORD = Record(
     pulls=(RemoteRule("Hub_Gateway", Rule(Kind.PUBLISHER, "/clock", "/gazebo")),),
 )
 REQUEST = PeerRequest(
-    (Offer("/a", "std_msgs/String", "/talker", Purpose.FLIP), Offer("/b", "x/Y", "/n", Purpose.PULL, "/listener")),
+    (
+        Offer("/a", "std_msgs/String", "/talker", Purpose.FLIP),
+        Offer("/b", "x/Y", "/n", Purpose.PULL, "/listener"),
+    ),
     (Want("/odom", "/amcl", Purpose.FLIP),),
     (Reply(Kind.PUBLISHER, "/a", "/talker", "active", "wörds"),),
 )
@@ -74,8 +77,12 @@ def test_an_invalid_or_too_long_name_is_skipped_and_the_rest_is_read(name: str) 
     bad = Connection(Kind.PUBLISHER, name, "std_msgs/String", "/talker")
     record = dataclasses.replace(RECORD, advertisements=(bad, *RECORD.advertisements))
     assert record_from_text(text_from_record(record)) == RECORD
-    request = PeerRequest((Offer(name, "x/Y", "/n", Purpose.FLIP), *REQUEST.offers), REQUEST.wants, REQUEST.replies)
-    request = dataclasses.replace(request, wants=(Want(name, "/amcl", Purpose.FLIP), *REQUEST.wants))
+    request = PeerRequest(
+        (Offer(name, "x/Y", "/n", Purpose.FLIP), *REQUEST.offers), REQUEST.wants, REQUEST.replies
+    )
+    request = dataclasses.replace(
+        request, wants=(Want(name, "/amcl", Purpose.FLIP), *REQUEST.wants)
+    )
     assert request_from_text(text_from_request(request)) == REQUEST
 
 
@@ -86,7 +93,12 @@ def test_a_gateway_whose_name_is_too_long_is_not_read(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["{}", '{"offers":{},"wants":[],"replies":[]}', '{"offers":[],"wants":[["/a","","x"]],"replies":[]}']
+    "text",
+    [
+        "{}",
+        '{"offers":{},"wants":[],"replies":[]}',
+        '{"offers":[],"wants":[["/a","","x"]],"replies":[]}',
+    ],
 )
 def test_a_bad_request_is_an_error_of_ours(text: str) -> None:
     with pytest.raises(RecordError):

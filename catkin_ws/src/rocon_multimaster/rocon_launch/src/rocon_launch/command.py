@@ -24,7 +24,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args([one for one in arguments if ":=" not in one])
     try:
         path = _concert(options.name)
-        launches = launches_from_text(path.read_text(), load_mappings(list(arguments)), _default_port(), _substituted)
+        launches = launches_from_text(
+            path.read_text(), load_mappings(list(arguments)), _default_port(), _substituted
+        )
         for launch in launches:
             _check(launch.package, launch.name)
     except ConcertError as error:
@@ -41,7 +43,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("name", nargs="+", help="package and file, or the path of a file")
     parser.add_argument("--screen", action="store_true", help="show the output of all nodes")
     parser.add_argument(
-        "--no-terminals", action="store_true", help="run all in this terminal, which is done in any case"
+        "--no-terminals",
+        action="store_true",
+        help="run all in this terminal, which is done in any case",
     )
     return parser
 

@@ -73,7 +73,9 @@ def launches_from_text(
             raise ConcertError(f"<{element.tag}> is neither <arg> nor <launch>")
     unknown = sorted(set(mappings) - set(arguments))
     if unknown:
-        raise ConcertError(f"there is no argument '{unknown[0]}'; there are {', '.join(sorted(arguments)) or 'none'}")
+        raise ConcertError(
+            f"there is no argument '{unknown[0]}'; there are {', '.join(sorted(arguments)) or 'none'}"
+        )
     return launches
 
 
@@ -85,7 +87,10 @@ def _name(element: ET.Element) -> str:
 
 
 def _argument(
-    element: ET.Element, mappings: Mapping[str, str], arguments: Mapping[str, str], substitute: Substitute
+    element: ET.Element,
+    mappings: Mapping[str, str],
+    arguments: Mapping[str, str],
+    substitute: Substitute,
 ) -> str:
     name, default, value = _name(element), element.get("default"), element.get("value")
     if (default is None) == (value is None):

@@ -28,7 +28,9 @@ class ConcertRunner:
         program: the roslaunch executable.
     """
 
-    def __init__(self, launches: Sequence[Launch], screen: bool, program: str = "roslaunch") -> None:
+    def __init__(
+        self, launches: Sequence[Launch], screen: bool, program: str = "roslaunch"
+    ) -> None:
         self._launches = launches
         self._screen = screen
         self._program = program
@@ -54,7 +56,11 @@ class ConcertRunner:
                     return next((p.status for p in self._processes if p.status), 1)
                 if all(process in self._told for process in self._processes):
                     break
-            return 0 if self._stop.is_set() else next((p.status or 0 for p in self._processes if p.status), 0)
+            return (
+                0
+                if self._stop.is_set()
+                else next((p.status or 0 for p in self._processes if p.status), 0)
+            )
         finally:
             self._end()
 
@@ -72,7 +78,9 @@ class ConcertRunner:
                 self._show(launch.title, f"has ended after {lived:.0f} s; starting it again")
                 self._processes[index] = self._start(launch)
             else:
-                self._show(launch.title, f"has ended after {lived:.0f} s with status {process.status}")
+                self._show(
+                    launch.title, f"has ended after {lived:.0f} s with status {process.status}"
+                )
         return False
 
     def _start(self, launch: Launch) -> RoslaunchProcess:

@@ -16,7 +16,9 @@ from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
 
 # rosmaster runs in this process and leaves connections to nodes that have ended.
-pytestmark = pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
 
 PATIENCE = 60.0
 NODES = {"screen", "file", "prefixed", "own", "foreign"}
@@ -38,15 +40,23 @@ LAUNCH = """
 class Launched:
     """A running instance of the launch file."""
 
-    def __init__(self, master: Master, group: ProcessGroup, folder: Path, command: list[str]) -> None:
+    def __init__(
+        self, master: Master, group: ProcessGroup, folder: Path, command: list[str]
+    ) -> None:
         self.master, self.group, self.log, self.folder = master, group, folder / "log", folder
         (folder / "nodes.launch").write_text(LAUNCH)
-        self.pid = group.start("roslaunch", [*command, str(folder / "nodes.launch")], master.environment, self.log)
-        wait_until(lambda: {f"/robot/{name}" for name in NODES} <= self.nodes(), "all nodes", PATIENCE)
+        self.pid = group.start(
+            "roslaunch", [*command, str(folder / "nodes.launch")], master.environment, self.log
+        )
+        wait_until(
+            lambda: {f"/robot/{name}" for name in NODES} <= self.nodes(), "all nodes", PATIENCE
+        )
 
     def nodes(self) -> set[str]:
         self.group.check()
-        return {node for part in self.master.system_state() for nodes in part.values() for node in nodes}
+        return {
+            node for part in self.master.system_state() for nodes in part.values() for node in nodes
+        }
 
     def node(self, name: str) -> ProcessState:
         def found() -> list[ProcessState]:
@@ -58,22 +68,33 @@ class Launched:
     def seen(self) -> dict[str, Any]:
         """Returns everything that a user can see of the nodes, without numbers and folders that differ between runs."""
         run = str(self.master.get_param("/run_id"))
-        connections = [{name: sorted(nodes) for name, nodes in part.items()} for part in self.master.system_state()]
+        connections = [
+            {name: sorted(nodes) for name, nodes in part.items()}
+            for part in self.master.system_state()
+        ]
         facts: dict[str, Any] = {"nodes": self.nodes(), "connections": connections}
         for name in NODES:
             pid = self.node(name).pid
             process = Path(f"/proc/{pid}")
-            environment = dict(part.split("=", 1) for part in (process / "environ").read_text().split("\0") if part)
+            environment = dict(
+                part.split("=", 1) for part in (process / "environ").read_text().split("\0") if part
+            )
             text = {
                 "command": "\n".join(arguments(pid)),
                 "name": (process / "comm").read_text(),
                 "folder": os.readlink(process / "cwd"),
                 "program": os.readlink(process / "exe"),
-                "streams": "\n".join(os.readlink(process / "fd" / str(number)) for number in (0, 1, 2)),
-                "environment": "".join(f"{key}={environment[key]}\n" for key in sorted(environment) if _is_same(key)),
+                "streams": "\n".join(
+                    os.readlink(process / "fd" / str(number)) for number in (0, 1, 2)
+                ),
+                "environment": "".join(
+                    f"{key}={environment[key]}\n" for key in sorted(environment) if _is_same(key)
+                ),
             }
             facts[name] = {
-                what: seen.replace(run, "RUN").replace(str(self.master.home), "HOME").replace(str(self.folder), "HERE")
+                what: seen.replace(run, "RUN")
+                .replace(str(self.master.home), "HOME")
+                .replace(str(self.folder), "HERE")
                 for what, seen in text.items()
             } | {"leads": os.getsid(pid) == os.getpgid(pid) == pid}
         return facts
@@ -81,7 +102,16 @@ class Launched:
 
 def _is_same(variable: str) -> bool:
     return not variable.startswith(
-        ("PIONEER_PROCESS_GROUP", "ROS_MASTER_URI", "_", "PYTEST", "OLDPWD", "PS1", "SHLVL", "ROS_LOG_FILENAME")
+        (
+            "PIONEER_PROCESS_GROUP",
+            "ROS_MASTER_URI",
+            "_",
+            "PYTEST",
+            "OLDPWD",
+            "PS1",
+            "SHLVL",
+            "ROS_LOG_FILENAME",
+        )
     )
 
 
@@ -118,7 +148,9 @@ def test_python_nodes_without_prefix_and_early_variables_are_forked(ours: Launch
         return arguments(states[ours.node(name).parent].pid)[1]
 
     assert {parent(name) for name in ("screen", "file")} == {"fork_server"}
-    assert {os.path.basename(parent(name)) for name in ("prefixed", "own", "foreign")} == {"roslaunch"}
+    assert {os.path.basename(parent(name)) for name in ("prefixed", "own", "foreign")} == {
+        "roslaunch"
+    }
 
 
 def test_roslaunch_reports_a_killed_node_and_starts_it_again(ours: Launched) -> None:
@@ -133,7 +165,9 @@ def test_roslaunch_reports_a_killed_node_and_starts_it_again(ours: Launched) -> 
 def test_rosnode_info_and_kill_reach_a_forked_node(ours: Launched) -> None:
     def rosnode(*words: str) -> str:
         command = ["rosnode", *words]
-        return subprocess.run(command, env=ours.master.environment, capture_output=True, text=True, check=True).stdout
+        return subprocess.run(
+            command, env=ours.master.environment, capture_output=True, text=True, check=True
+        ).stdout
 
     pid = ours.node("file").pid
     info = rosnode("info", "/robot/file")
@@ -148,7 +182,11 @@ def test_interrupt_ends_all_nodes_and_the_server(ours: Launched) -> None:
     everything = [state.pid for state in ours.group.states().values() if state.alive]
     os.kill(ours.pid, signal.SIGINT)
     living = process_states()
-    wait_until(lambda: not any(_lives(pid) for pid in everything if pid in living), "the end of all", PATIENCE)
+    wait_until(
+        lambda: not any(_lives(pid) for pid in everything if pid in living),
+        "the end of all",
+        PATIENCE,
+    )
     assert "escalating" not in ours.log.read_text()
 
 

@@ -33,7 +33,9 @@ def launches(text: str, **mappings: str) -> list[Launch]:
 
 def test_each_launch_has_its_port_title_and_arguments() -> None:
     hub, gateway, more, default = launches(CONCERT)
-    assert hub == Launch("pioneer_networking", "pioneer_hub.launch", 11311, "hub", {"hub_port": "6380"})
+    assert hub == Launch(
+        "pioneer_networking", "pioneer_hub.launch", 11311, "hub", {"hub_port": "6380"}
+    )
     assert (gateway.title, gateway.waits, more.waits) == ("rocon_launch:11312", False, True)
     assert default.port == 11400
 
@@ -49,12 +51,21 @@ def test_the_command_line_goes_before_default_and_value() -> None:
         ("<launch/>", "the root is <launch>"),
         ("<concert><node/></concert>", "neither <arg> nor <launch>"),
         ('<concert><arg name="a"/></concert>', "exactly one of default and value"),
-        ('<concert><arg name="a" default="1" value="2"/></concert>', "exactly one of default and value"),
+        (
+            '<concert><arg name="a" default="1" value="2"/></concert>',
+            "exactly one of default and value",
+        ),
         ("<concert><launch/></concert>", "has no name"),
         ('<concert><launch name="a" port="x"/></concert>', "is not a port"),
         ('<concert><launch name="a" port="70000"/></concert>', "is not a port"),
-        ('<concert><launch name="a"><arg name="b" default="1"/></launch></concert>', "may hold only"),
-        ('<concert><launch name="a" respawn="yes"/></concert>', "respawn must be true or false, not 'yes'"),
+        (
+            '<concert><launch name="a"><arg name="b" default="1"/></launch></concert>',
+            "may hold only",
+        ),
+        (
+            '<concert><launch name="a" respawn="yes"/></concert>',
+            "respawn must be true or false, not 'yes'",
+        ),
         ('<concert><launch name="a" respawn="true" required="true"/></concert>', "cannot be both"),
     ],
 )
@@ -79,6 +90,8 @@ def test_an_argument_that_is_not_there_is_refused_with_those_that_are() -> None:
         ('respawn="false" required="false"', 1.0, False, False),
     ],
 )
-def test_what_the_end_of_a_launch_means(attribute: str, lived: float, again: bool, all_end: bool) -> None:
+def test_what_the_end_of_a_launch_means(
+    attribute: str, lived: float, again: bool, all_end: bool
+) -> None:
     (launch,) = launches(f'<concert><launch name="a" {attribute}/></concert>')
     assert (launch.starts_again(lived), launch.ends_all(lived)) == (again, all_end)

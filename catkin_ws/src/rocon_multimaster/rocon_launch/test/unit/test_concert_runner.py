@@ -36,7 +36,10 @@ def pids(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     program.chmod(program.stat().st_mode | stat.S_IXUSR)
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     monkeypatch.setenv("PIDS", str(tmp_path / "pids"))
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    before = {
+        number: signal.getsignal(number)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    }
     yield tmp_path / "pids"
     for number, handler in before.items():
         signal.signal(number, handler)
@@ -50,7 +53,9 @@ def interrupt_once(condition: Path) -> threading.Thread:
     """Interrupts this process once the file has been written."""
 
     def wait_and_interrupt() -> None:
-        wait_until(lambda: condition.exists() and condition.read_text().endswith("\n"), "the launch", 30)
+        wait_until(
+            lambda: condition.exists() and condition.read_text().endswith("\n"), "the launch", 30
+        )
         os.kill(os.getpid(), signal.SIGINT)
 
     thread = threading.Thread(target=wait_and_interrupt)
@@ -64,8 +69,14 @@ def test_each_launch_has_its_master_and_its_arguments(pids, capsys, monkeypatch)
     first, second = launch("ends", 11311), launch("ends", 11312, waits=True)
     assert ConcertRunner([first, second], screen=True).run() == 0
     lines = capsys.readouterr().out.splitlines()
-    assert "[ends] http://base:11311 none --no-summary --screen -p 11311 some_package ends robots:=2" in lines
-    assert "[ends] http://base:11312 none --no-summary --screen --wait -p 11312 some_package ends robots:=2" in lines
+    assert (
+        "[ends] http://base:11311 none --no-summary --screen -p 11311 some_package ends robots:=2"
+        in lines
+    )
+    assert (
+        "[ends] http://base:11312 none --no-summary --screen --wait -p 11312 some_package ends robots:=2"
+        in lines
+    )
     assert sum(line.startswith("[ends] has ended after") for line in lines) == 2
 
 
@@ -75,7 +86,9 @@ def test_the_first_failure_is_the_status(pids) -> None:
 
 @pytest.mark.parametrize(("name", "status"), [("ends", 1), ("fails", 3)])
 def test_the_end_of_a_required_launch_ends_all(pids, capsys, name, status) -> None:
-    assert ConcertRunner([launch("stays"), launch(name, required=True)], screen=False).run() == status
+    assert (
+        ConcertRunner([launch("stays"), launch(name, required=True)], screen=False).run() == status
+    )
     assert "everything ends with it" in capsys.readouterr().out
     assert not psutil.pid_exists(int(pids.read_text()))
 
@@ -83,7 +96,9 @@ def test_the_end_of_a_required_launch_ends_all(pids, capsys, name, status) -> No
 def test_a_launch_that_respawns_is_started_again(pids, capsys, monkeypatch) -> None:
     """The second run ends too soon after its start, which ends the concert."""
     lives = iter([20.0, 0.5])
-    monkeypatch.setattr(concert_runner.RoslaunchProcess, "lived", property(lambda _self: next(lives)))
+    monkeypatch.setattr(
+        concert_runner.RoslaunchProcess, "lived", property(lambda _self: next(lives))
+    )
     assert ConcertRunner([launch("ends", respawn=True)], screen=False).run() == 1
     said = capsys.readouterr().out
     assert "has ended after 20 s; starting it again" in said
@@ -104,4 +119,6 @@ def test_what_ignores_the_interrupt_is_killed_with_its_children(pids, monkeypatc
     assert ConcertRunner([launch("stubborn")], screen=False).run() == 0
     thread.join()
     assert time.monotonic() - began < 30
-    wait_until(lambda: not any(map(psutil.pid_exists, map(int, pids.read_text().split()))), "their end", 10)
+    wait_until(
+        lambda: not any(map(psutil.pid_exists, map(int, pids.read_text().split()))), "their end", 10
+    )

@@ -42,7 +42,9 @@ ROSLAUNCH = """
 """
 
 
-def test_concert_of_a_computer_forks_roslaunch_and_sees_its_output_and_status(tmp_path: Path) -> None:
+def test_concert_of_a_computer_forks_roslaunch_and_sees_its_output_and_status(
+    tmp_path: Path,
+) -> None:
     driver, roslaunch = tmp_path / "driver.py", tmp_path / "roslaunch"
     driver.write_text(textwrap.dedent(DRIVER))
     roslaunch.write_text(textwrap.dedent(ROSLAUNCH))

@@ -50,7 +50,9 @@ def test_a_file_of_a_package_is_found(started) -> None:
 
 
 @pytest.mark.parametrize("uri", ["", "http://here"])
-def test_without_a_port_in_the_masters_address_it_is_11311(concert, started, monkeypatch, uri) -> None:
+def test_without_a_port_in_the_masters_address_it_is_11311(
+    concert, started, monkeypatch, uri
+) -> None:
     monkeypatch.setenv("ROS_MASTER_URI", uri)
     command.main([str(concert)])
     assert started[0][0][1].port == 11311
@@ -61,7 +63,10 @@ def test_without_a_port_in_the_masters_address_it_is_11311(concert, started, mon
     [
         (["/no/such.concert"], "there is no file /no/such.concert; usage: rocon_launch"),
         (["no_such_package", "a.concert"], "there is no package 'no_such_package'"),
-        (["pioneer_networking", "no.concert"], "package 'pioneer_networking' has no file 'no.concert'"),
+        (
+            ["pioneer_networking", "no.concert"],
+            "package 'pioneer_networking' has no file 'no.concert'",
+        ),
         (["one", "two", "three"], "too many names; usage: rocon_launch"),
     ],
 )
@@ -79,10 +84,15 @@ def test_what_is_missing_is_one_line(started, capsys, words, said) -> None:
         ('<launch name="/no/such.launch"/>', "there is no launch file /no/such.launch"),
         ('<launch package="rospy" name="no.launch"/>', "package 'rospy' has no file 'no.launch'"),
         ('<launch name="$(arg robots)"/>', "'$(arg robots)':"),
-        ('<launch name="$(find no_such_package)/a.launch"/>', "there is no package no_such_package"),
+        (
+            '<launch name="$(find no_such_package)/a.launch"/>',
+            "there is no package no_such_package",
+        ),
     ],
 )
-def test_nothing_starts_if_a_launch_file_is_missing(tmp_path, started, capsys, launch, said) -> None:
+def test_nothing_starts_if_a_launch_file_is_missing(
+    tmp_path, started, capsys, launch, said
+) -> None:
     path = tmp_path / "some.concert"
     path.write_text(f"<concert>{launch}</concert>")
     assert command.main([str(path)]) == 1

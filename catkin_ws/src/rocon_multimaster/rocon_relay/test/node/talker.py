@@ -22,7 +22,10 @@ FLOOD_SIZE = 1_000_000
 
 def text(number: int, size: int) -> str:
     """Returns a text of the given size that cannot occur by chance."""
-    return f"{number:08d}" + (hashlib.sha256(str(number).encode()).hexdigest() * (size // 64 + 1))[: size - 8]
+    return (
+        f"{number:08d}"
+        + (hashlib.sha256(str(number).encode()).hexdigest() * (size // 64 + 1))[: size - 8]
+    )
 
 
 class Flood(rospy.SubscribeListener):

@@ -19,7 +19,9 @@ class TcpProxy:
     def __init__(self, host: str, port: int) -> None:
         self._target = (host, port)
         self._listener = socket.create_server(("127.0.0.1", 0))
-        self.port = self._listener.getsockname()[1]  #: its listening port, on the loopback interface
+        self.port = self._listener.getsockname()[
+            1
+        ]  #: its listening port, on the loopback interface
         #: swallows: whether incoming data is read and discarded, and nothing is sent back
         #: delay: how long each byte is delayed in each direction [s]
         self.delay, self.swallows = 0.0, False

@@ -31,10 +31,17 @@ ODD = (
 )
 texts = st.sampled_from((*ODD, "/flow", "/ghost", "robot", "base")) | st.text(max_size=12)
 purposes = st.sampled_from(("flip", "answer", "pull", "service", "parameter")) | texts
-kinds = st.sampled_from(("publisher", "subscriber", "service", "action_server", "action_client", "parameter")) | texts
+kinds = (
+    st.sampled_from(
+        ("publisher", "subscriber", "service", "action_server", "action_client", "parameter")
+    )
+    | texts
+)
 scalars = st.none() | st.booleans() | st.integers() | st.floats() | texts
 junk = st.recursive(
-    scalars, lambda one: st.lists(one, max_size=3) | st.dictionaries(texts, one, max_size=3), max_leaves=8
+    scalars,
+    lambda one: st.lists(one, max_size=3) | st.dictionaries(texts, one, max_size=3),
+    max_leaves=8,
 )
 
 
@@ -77,8 +84,12 @@ hellos = st.fixed_dictionaries(
     optional={
         "relay": st.sampled_from(("1", "2", "")),
         **dict.fromkeys(("topic", "service", "call", "parameter"), texts),
-        **dict.fromkeys(("type", "md5sum", "source_node", "source_gateway", "sink_gateway", "nonce"), texts),
-        **dict.fromkeys(("gateways_passed", "rate", "queue_size", "compress", "tf_frames", "client.x"), texts),
+        **dict.fromkeys(
+            ("type", "md5sum", "source_node", "source_gateway", "sink_gateway", "nonce"), texts
+        ),
+        **dict.fromkeys(
+            ("gateways_passed", "rate", "queue_size", "compress", "tf_frames", "client.x"), texts
+        ),
     },
 )
 
@@ -91,9 +102,16 @@ def _framed(fields: Mapping[str, str]) -> bytes:
 heads = (
     hellos.map(_framed)
     | st.binary(max_size=300)
-    | st.tuples(st.integers(0, 2**32 - 1), st.binary(max_size=100)).map(lambda one: struct.pack("<I", one[0]) + one[1])
+    | st.tuples(st.integers(0, 2**32 - 1), st.binary(max_size=100)).map(
+        lambda one: struct.pack("<I", one[0]) + one[1]
+    )
     | st.sampled_from(
-        (b"", b"GET / HTTP/1.1\r\n\r\n", b"POST " + b"x" * 20_000, struct.pack("<I", MAX_HEADER) + b"x" * 100)
+        (
+            b"",
+            b"GET / HTTP/1.1\r\n\r\n",
+            b"POST " + b"x" * 20_000,
+            struct.pack("<I", MAX_HEADER) + b"x" * 100,
+        )
     )
 )
 """What may come on the relay's port first: of a hello, of another protocol, of none."""

@@ -7,7 +7,17 @@ from rocon_relay.core.link import Hello, LinkError, is_proof, mismatch, proof, s
 from rocon_relay.core.option import LinkOptions
 from tcpros.header import header_bytes, header_fields
 
-HELLO = Hello("/scan", "sensor_msgs/LaserScan", ANY, "/laser", "robot", "base", ("base",), "00ff", keys=("k1", "k2"))
+HELLO = Hello(
+    "/scan",
+    "sensor_msgs/LaserScan",
+    ANY,
+    "/laser",
+    "robot",
+    "base",
+    ("base",),
+    "00ff",
+    keys=("k1", "k2"),
+)
 
 
 def test_a_hello_is_read_as_it_was_written():
@@ -35,7 +45,9 @@ def test_a_proof_holds_for_its_key_role_hello_and_challenge_only():
     assert not is_proof(good, proof(b"other", "sink", HELLO.fields(), "c"))
     assert not is_proof(good, proof(b"secret", "source", HELLO.fields(), "c"))
     assert not is_proof(good, proof(b"secret", "sink", HELLO.fields(), "d"))
-    assert not is_proof(good, proof(b"secret", "sink", dataclasses.replace(HELLO, topic="/tf").fields(), "c"))
+    assert not is_proof(
+        good, proof(b"secret", "sink", dataclasses.replace(HELLO, topic="/tf").fields(), "c")
+    )
     assert not is_proof("\udcff", good)
 
 

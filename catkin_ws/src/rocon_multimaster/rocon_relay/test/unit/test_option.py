@@ -33,7 +33,10 @@ def test_what_an_unauthenticated_client_asks_for_is_checked(fields):
 
 
 def test_both_ends_are_satisfied_by_joined_options():
-    one, other = LinkOptions(rate=5, tf_frames=("a.*",)), LinkOptions(rate=2, queue_size=4, tf_frames=(".*b",))
+    one, other = (
+        LinkOptions(rate=5, tf_frames=("a.*",)),
+        LinkOptions(rate=2, queue_size=4, tf_frames=(".*b",)),
+    )
     joined = one.joined(other)
     assert (joined.rate, joined.queue_size, joined.compress) == (2, 4, False)
     keeps = joined.keeps_frame()

@@ -7,7 +7,9 @@ import pytest
 from rocon_relay.core.pattern import PatternError, compiled, matches_whole
 
 
-@pytest.mark.parametrize("pattern", [r"/(\w+/?)+/odom", "(a+)+b", "(.*)*x", ".*.*.*.*.*=", "(a|a)*b", "(/?a?){50}b"])
+@pytest.mark.parametrize(
+    "pattern", [r"/(\w+/?)+/odom", "(a+)+b", "(.*)*x", ".*.*.*.*.*=", "(a|a)*b", "(/?a?){50}b"]
+)
 def test_no_pattern_takes_long_for_a_name_of_any_length(pattern):
     """With a name of 40 characters, the first of these once stalled its gateway, which then ignored even SIGTERM."""
     began = time.process_time()
@@ -16,7 +18,8 @@ def test_no_pattern_takes_long_for_a_name_of_any_length(pattern):
 
 
 @pytest.mark.parametrize(
-    "pattern", ["(", r"(a)\1", "(?=a)b", "(?!a)b", "(?<!a)b", "(?>a)", "a*+", "a{2000}", "x" * 2000, "\udcff"]
+    "pattern",
+    ["(", r"(a)\1", "(?=a)b", "(?!a)b", "(?<!a)b", "(?>a)", "a*+", "a{2000}", "x" * 2000, "\udcff"],
 )
 def test_a_pattern_that_is_none_or_has_no_linear_time_is_refused(pattern):
     with pytest.raises(PatternError):

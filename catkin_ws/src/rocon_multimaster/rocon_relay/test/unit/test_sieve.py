@@ -10,7 +10,15 @@ from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from tf2_msgs.msg import TFMessage
 
-from rocon_relay.core.sieve import MOST_KINDS, DeflatedError, Pace, StampPace, deflated, inflated, matching_transforms
+from rocon_relay.core.sieve import (
+    MOST_KINDS,
+    DeflatedError,
+    Pace,
+    StampPace,
+    deflated,
+    inflated,
+    matching_transforms,
+)
 
 
 def serialised(*frames):
@@ -50,7 +58,13 @@ def test_what_is_compressed_comes_back(message):
 
 def test_what_is_not_compressed_as_it_should_be_is_an_error():
     bomb = zlib.compress(bytes(10_000_000))
-    for bad in (b"", b"garbage", deflated(memoryview(b"message"))[:-1], deflated(memoryview(b"m")) + b"more", bomb):
+    for bad in (
+        b"",
+        b"garbage",
+        deflated(memoryview(b"message"))[:-1],
+        deflated(memoryview(b"m")) + b"more",
+        bomb,
+    ):
         with pytest.raises(DeflatedError):
             inflated(memoryview(bad), 1_000_000)
 
@@ -76,7 +90,9 @@ def _stamped(type_, seconds):
     return memoryview(buffer.getvalue())
 
 
-@pytest.mark.parametrize("type_", ["rosgraph_msgs/Clock", "tf2_msgs/TFMessage", "nav_msgs/Odometry"])
+@pytest.mark.parametrize(
+    "type_", ["rosgraph_msgs/Clock", "tf2_msgs/TFMessage", "nav_msgs/Odometry"]
+)
 def test_of_each_period_of_stamps_the_first_message_goes(type_):
     pace = StampPace(20.0, type_)
     times = [1.0, 1.01, 1.04, 1.05, 1.06, 1.09, 1.2, 1.24, 0.0, 0.01, 0.05]
@@ -84,7 +100,10 @@ def test_of_each_period_of_stamps_the_first_message_goes(type_):
 
 
 def _of_frames(nanoseconds, *children):
-    message, buffer = TFMessage([TransformStamped(child_frame_id=child) for child in children]), BytesIO()
+    message, buffer = (
+        TFMessage([TransformStamped(child_frame_id=child) for child in children]),
+        BytesIO(),
+    )
     for one in message.transforms:
         one.header.stamp = rospy.Time(0, nanoseconds)
     message.serialize(buffer)
@@ -99,14 +118,21 @@ def test_frames_in_messages_of_their_own_do_not_keep_each_other_back():
     pace = StampPace(20.0, "tf2_msgs/TFMessage")
     sent = [(child, stamp) for stamp in (1, 2, 60_000_000) for child in ("arm", "odom", "wheel")]
     went = [(child, stamp) for child, stamp in sent if _goes(pace, _of_frames(stamp, child))]
-    assert went == [(child, stamp) for stamp in (1, 60_000_000) for child in ("arm", "odom", "wheel")]
+    assert went == [
+        (child, stamp) for stamp in (1, 60_000_000) for child in ("arm", "odom", "wheel")
+    ]
 
 
 def test_a_frame_that_comes_less_often_than_another_of_its_message_is_not_left_out():
     """At 25 Hz, throttled to 20 Hz, it once coincided with the first message of a period only every 0.2 s."""
     pace, times = StampPace(20.0, "tf2_msgs/TFMessage"), range(10, 1010, 10)
     frames = {ms: ("fast", *(("slow",) if ms % 40 == 0 else ())) for ms in times}
-    assert sum(_goes(pace, _of_frames(ms * 10**6, *frames[ms])) and len(frames[ms]) > 1 for ms in times) >= 20
+    assert (
+        sum(
+            _goes(pace, _of_frames(ms * 10**6, *frames[ms])) and len(frames[ms]) > 1 for ms in times
+        )
+        >= 20
+    )
 
 
 def test_kinds_without_end_take_bounded_memory():
@@ -115,7 +141,9 @@ def test_kinds_without_end_take_bounded_memory():
     assert len(pace._last) <= MOST_KINDS
 
 
-@pytest.mark.parametrize("type_", ["rosgraph_msgs/Clock", "tf2_msgs/TFMessage", "nav_msgs/Odometry"])
+@pytest.mark.parametrize(
+    "type_", ["rosgraph_msgs/Clock", "tf2_msgs/TFMessage", "nav_msgs/Odometry"]
+)
 def test_a_message_without_a_stamp_goes(type_):
     pace = StampPace(20.0, type_)
     assert all(_goes(pace, _stamped(type_, 0.0)) for _ in range(3))

@@ -35,6 +35,8 @@ def test_the_newest_five_round_trips_count():
     assert latency.deviation == pytest.approx(0.04)
 
 
-@pytest.mark.parametrize(("text", "seconds"), [("0.25", 0.25), ("", 0), ("nan", 0), ("-1", 0), ("inf", 0), ("x", 0)])
+@pytest.mark.parametrize(
+    ("text", "seconds"), [("0.25", 0.25), ("", 0), ("nan", 0), ("-1", 0), ("inf", 0), ("x", 0)]
+)
 def test_what_others_measured_counts_only_if_it_can_be(text, seconds):
     assert seconds_from_field(text) == seconds

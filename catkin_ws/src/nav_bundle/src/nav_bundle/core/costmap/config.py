@@ -135,8 +135,20 @@ _LAYERS = {
     "costmap_2d::InflationLayer": InflationConfig,
 }
 # costmap_2d's layer names when there is no list of plugins, and the name of the fleet layer.
-_STATIC, _OBSTACLE, _FLEET, _INFLATION = "static_layer", "obstacle_layer", "fleet_layer", "inflation_layer"
-_VOXELS = ("origin_z", "z_resolution", "z_voxels", "unknown_threshold", "mark_threshold", "publish_voxel_map")
+_STATIC, _OBSTACLE, _FLEET, _INFLATION = (
+    "static_layer",
+    "obstacle_layer",
+    "fleet_layer",
+    "inflation_layer",
+)
+_VOXELS = (
+    "origin_z",
+    "z_resolution",
+    "z_voxels",
+    "unknown_threshold",
+    "mark_threshold",
+    "publish_voxel_map",
+)
 """costmap_2d's names for three-dimensional maps."""
 _OF_STATIC = ("map_topic", "unknown_cost_value", "lethal_cost_threshold", "trinary_costmap")
 _OF_OBSTACLES = ("max_obstacle_height", "footprint_clearing_enabled", "combination_method")
@@ -144,11 +156,23 @@ _OF_INFLATION = ("inflation_radius", "cost_scaling_factor", "inflate_unknown")
 _OF_SOURCES = ("observation_sources", "obstacle_range", "raytrace_range")
 _CLASSIC = ("static_map", "map_type")
 """Names that are read only without a list of plugins."""
-_OF_LAYERS = frozenset({*_VOXELS, *_OF_STATIC, *_OF_OBSTACLES, *_OF_INFLATION, *_OF_SOURCES, *_CLASSIC, "plugins"})
+_OF_LAYERS = frozenset(
+    {*_VOXELS, *_OF_STATIC, *_OF_OBSTACLES, *_OF_INFLATION, *_OF_SOURCES, *_CLASSIC, "plugins"}
+)
 """costmap_2d's names in a costmap's namespace that set no field of ``CostmapConfig``."""
 _COPIED: dict[type[Any], tuple[str, ...]] = {
-    StaticConfig: ("map_topic", "unknown_cost_value", "lethal_cost_threshold", "track_unknown_space"),
-    ObstacleConfig: ("max_obstacle_height", "obstacle_range", "raytrace_range", "track_unknown_space"),
+    StaticConfig: (
+        "map_topic",
+        "unknown_cost_value",
+        "lethal_cost_threshold",
+        "track_unknown_space",
+    ),
+    ObstacleConfig: (
+        "max_obstacle_height",
+        "obstacle_range",
+        "raytrace_range",
+        "track_unknown_space",
+    ),
     InflationConfig: ("cost_scaling_factor", "inflation_radius"),
     FleetConfig: (),
 }
@@ -174,8 +198,12 @@ def costmap_config_from_parameters(
         ParameterError: an unknown layer, a wrong type, or a source with an unsupported data type.
     """
     nested = {name for name, value in parameters.items() if isinstance(value, Mapping)}
-    inherited = {name: above[name] for name in ("footprint", "robot_radius") if above and name in above}
-    config = config_from_mapping(CostmapConfig, {**inherited, **parameters}, owner, _OF_LAYERS | nested)
+    inherited = {
+        name: above[name] for name in ("footprint", "robot_radius") if above and name in above
+    }
+    config = config_from_mapping(
+        CostmapConfig, {**inherited, **parameters}, owner, _OF_LAYERS | nested
+    )
     layers_of = _listed_layers if parameters.get("plugins") else _classic_layers
     layers = layers_of(parameters, owner)
     config = replace(config, layers=tuple(layers.values()), layer_names=tuple(layers))
@@ -192,7 +220,9 @@ def _listed_layers(parameters: Mapping[str, Any], owner: str) -> dict[str, Layer
     copied = {name for layer in layers.values() for name in _COPIED[type(layer)]}
     for name in sorted((_OF_LAYERS - copied - {"plugins"}) & parameters.keys()):
         if name not in layers:
-            UNKNOWN.complain(f"{owner}: ~{name} is read only without a list of plugins, or in a layer's own namespace")
+            UNKNOWN.complain(
+                f"{owner}: ~{name} is read only without a list of plugins, or in a layer's own namespace"
+            )
     return layers
 
 
@@ -205,10 +235,15 @@ def _check(config: CostmapConfig, owner: str) -> None:
 
 def _classic_layers(parameters: Mapping[str, Any], owner: str) -> dict[str, LayerConfig]:
     if parameters.get("map_type", "costmap") != "costmap":
-        raise ParameterError(f"{owner}: map_type {parameters['map_type']!r} is not available, only 'costmap' is")
+        raise ParameterError(
+            f"{owner}: map_type {parameters['map_type']!r} is not available, only 'costmap' is"
+        )
     for name in sorted(set(_VOXELS) & parameters.keys()):
         UNKNOWN.complain(f"{owner}: ~{name} is for map_type 'voxel'")
-    own = {name: {**parameters, **_nested(parameters, name)} for name in (_STATIC, _OBSTACLE, _INFLATION)}
+    own = {
+        name: {**parameters, **_nested(parameters, name)}
+        for name in (_STATIC, _OBSTACLE, _INFLATION)
+    }
     layers: dict[str, LayerConfig] = {}
     if value_as(bool, parameters.get("static_map", False), f"{owner}: parameter ~static_map"):
         layers[_STATIC] = _from_matching(StaticConfig, own[_STATIC], owner, {"track_unknown_space"})
@@ -238,10 +273,14 @@ def _nested(parameters: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     return found if isinstance(found, Mapping) else {}
 
 
-def _from_matching(kind: type[Any], parameters: Mapping[str, Any], owner: str, without: Any = ()) -> Any:
+def _from_matching(
+    kind: type[Any], parameters: Mapping[str, Any], owner: str, without: Any = ()
+) -> Any:
     """Returns a ``kind`` built from the parameters whose names match its fields."""
     names = {f.name for f in fields(kind)} - set(without)
-    return config_from_mapping(kind, {name: parameters[name] for name in names & set(parameters)}, owner)
+    return config_from_mapping(
+        kind, {name: parameters[name] for name in names & set(parameters)}, owner
+    )
 
 
 def _plugin(parameters: Mapping[str, Any], plugin: Any, owner: str) -> tuple[str, LayerConfig]:
@@ -251,13 +290,17 @@ def _plugin(parameters: Mapping[str, Any], plugin: Any, owner: str) -> tuple[str
         name = str(plugin["name"])
         kind = by_name[str(plugin["type"]).split("::")[-1]]
     except (KeyError, TypeError):
-        raise ParameterError(f"{owner}: no such layer {plugin!r}; there are {', '.join(_LAYERS)}") from None
+        raise ParameterError(
+            f"{owner}: no such layer {plugin!r}; there are {', '.join(_LAYERS)}"
+        ) from None
     # A layer may have the name of a parameter, such as static_map, which is no namespace then.
     own = _nested(parameters, name)
     copied = {each: parameters[each] for each in _COPIED[kind] if each in parameters}
     for each in copied.keys() & own.keys():
         if own[each] != copied[each]:
-            UNKNOWN.complain(f"{owner}: ~{each} is {copied[each]!r}, but ~{name}/{each} is {own[each]!r} and counts")
+            UNKNOWN.complain(
+                f"{owner}: ~{each} is {copied[each]!r}, but ~{name}/{each} is {own[each]!r} and counts"
+            )
     layer_owner = f"{owner}/{name}"
     if kind is ObstacleConfig:
         _report_unknown(kind, own, layer_owner)
@@ -271,7 +314,9 @@ def _source_names(value: Any, owner: str) -> list[str]:
         return value.split()
     if isinstance(value, (list, tuple)) and all(isinstance(name, str) for name in value):
         return list(value)
-    raise ParameterError(f"{owner}: ~observation_sources must be names separated by spaces, not {value!r}")
+    raise ParameterError(
+        f"{owner}: ~observation_sources must be names separated by spaces, not {value!r}"
+    )
 
 
 def _obstacles(scopes: Sequence[Mapping[str, Any]], owner: str) -> ObstacleConfig:
@@ -281,19 +326,25 @@ def _obstacles(scopes: Sequence[Mapping[str, Any]], owner: str) -> ObstacleConfi
     layer = _from_matching(ObstacleConfig, own, owner, {"sources"})
     if "track_unknown_space" not in own:
         what = f"{owner}: parameter ~track_unknown_space"
-        layer = replace(layer, track_unknown_space=value_as(bool, scopes[-1].get("track_unknown_space", False), what))
+        layer = replace(
+            layer,
+            track_unknown_space=value_as(bool, scopes[-1].get("track_unknown_space", False), what),
+        )
     sources = (_source(name, scopes, owner) for name in names)
     highest = layer.max_obstacle_height
     return replace(
         layer,
         sources=tuple(
-            replace(source, max_obstacle_height=min(source.max_obstacle_height, highest)) for source in sources
+            replace(source, max_obstacle_height=min(source.max_obstacle_height, highest))
+            for source in sources
         ),
     )
 
 
 def _source(name: str, scopes: Sequence[Mapping[str, Any]], owner: str) -> SourceConfig:
-    own: Mapping[str, Any] = next((scope[name] for scope in scopes if isinstance(scope.get(name), Mapping)), {})
+    own: Mapping[str, Any] = next(
+        (scope[name] for scope in scopes if isinstance(scope.get(name), Mapping)), {}
+    )
     values = {"topic": name, **own}
     for inherited in ("obstacle_range", "raytrace_range"):
         outer = next((scope[inherited] for scope in scopes if inherited in scope), None)
@@ -302,7 +353,9 @@ def _source(name: str, scopes: Sequence[Mapping[str, Any]], owner: str) -> Sourc
     source = config_from_mapping(SourceConfig, values, f"{owner}/{name}")
     if source.data_type not in DATA_TYPES:
         known = ", ".join(DATA_TYPES)
-        raise ParameterError(f"{owner}/{name}: data_type {source.data_type!r} is not available; there are {known}")
+        raise ParameterError(
+            f"{owner}/{name}: data_type {source.data_type!r} is not available; there are {known}"
+        )
     if source.observation_persistence < 0.0:
         raise ParameterError(f"{owner}/{name}: observation_persistence must not be negative")
     return source

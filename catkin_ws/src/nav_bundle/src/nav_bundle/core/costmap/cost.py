@@ -31,7 +31,9 @@ def cost_by_squared_distance(
     """
     distance = np.sqrt(np.arange(radius * radius + 1)) * resolution
     falling = np.exp(-scaling * np.maximum(distance - inscribed_radius, 0.0)) * (INSCRIBED - 1)
-    table = np.where(distance <= inscribed_radius, INSCRIBED, falling.astype(np.uint8)).astype(np.uint8)
+    table = np.where(distance <= inscribed_radius, INSCRIBED, falling.astype(np.uint8)).astype(
+        np.uint8
+    )
     table[0] = LETHAL
     return table
 

@@ -9,7 +9,13 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from nav_bundle.core.costmap.config import CostmapConfig, FleetConfig, InflationConfig, ObstacleConfig, StaticConfig
+from nav_bundle.core.costmap.config import (
+    CostmapConfig,
+    FleetConfig,
+    InflationConfig,
+    ObstacleConfig,
+    StaticConfig,
+)
 from nav_bundle.core.costmap.cost import FREE, LETHAL, UNKNOWN, cells_of_distance
 from nav_bundle.core.costmap.fleet_layer import FleetLayer
 from nav_bundle.core.costmap.geometry import EMPTY, Cells, Geometry, Window
@@ -86,7 +92,11 @@ class Costmap:
     @property
     def _maps(self) -> list[StaticLayer]:
         """The enabled static layers that have a map."""
-        return [layer for layer in self._static.values() if layer.config.enabled and layer.place is not None]
+        return [
+            layer
+            for layer in self._static.values()
+            if layer.config.enabled and layer.place is not None
+        ]
 
     def _map_geometry(self) -> Geometry | None:
         """Returns the geometry of the first static layer's map; None without a map."""
@@ -96,7 +106,11 @@ class Costmap:
     def missing_maps(self) -> list[str]:
         """Returns the topics of enabled static layers that have no map yet."""
         layers = self._static.values()
-        return [layer.config.map_topic for layer in layers if layer.config.enabled and layer.place is None]
+        return [
+            layer.config.map_topic
+            for layer in layers
+            if layer.config.enabled and layer.place is None
+        ]
 
     @property
     def ready(self) -> bool:
@@ -141,10 +155,14 @@ class Costmap:
                     layer.cells = known[index].cells
             self._layers.append(layer)
         self._fleet = [layer for layer in self._layers if isinstance(layer, FleetLayer)]
-        self._margin = max([layer.radius for layer in self._layers if isinstance(layer, InflationLayer)], default=0)
+        self._margin = max(
+            [layer.radius for layer in self._layers if isinstance(layer, InflationLayer)], default=0
+        )
         self._pending = self.geometry.everything
 
-    def _layer(self, index: int, config: object) -> "StaticLayer | ObstacleLayer | FleetLayer | InflationLayer":
+    def _layer(
+        self, index: int, config: object
+    ) -> "StaticLayer | ObstacleLayer | FleetLayer | InflationLayer":
         match config:
             case StaticConfig():
                 return self._static[index]
@@ -194,7 +212,11 @@ class Costmap:
         changed = False
         for layer in self._static.values():
             if layer.place is not None:
-                own = here_from_map if isinstance(here_from_map, Pose) else here_from_map[layer.config.map_topic]
+                own = (
+                    here_from_map
+                    if isinstance(here_from_map, Pose)
+                    else here_from_map[layer.config.map_topic]
+                )
                 changed = layer.lie(self.geometry, own) or changed
         return changed
 
@@ -225,11 +247,20 @@ class Costmap:
 
     def cost_at(self, distance: float) -> int:
         """Returns the cost of a free cell whose nearest obstacle is ``distance`` [m] away."""
-        return max((layer.cost_at(distance) for layer in self._layers if isinstance(layer, InflationLayer)), default=0)
+        return max(
+            (
+                layer.cost_at(distance)
+                for layer in self._layers
+                if isinstance(layer, InflationLayer)
+            ),
+            default=0,
+        )
 
     def footprint_cost(self, pose: Pose) -> int:
         """Returns the highest cost under the robot's footprint at ``pose``: -1 lethal, -2 unknown, -3 off the grid."""
-        return footprint_cost(self.cells, self.geometry.place, self.footprint.vertices, pose.x, pose.y, pose.yaw)
+        return footprint_cost(
+            self.cells, self.geometry.place, self.footprint.vertices, pose.x, pose.y, pose.yaw
+        )
 
     def cost_of_cell(self, x: float, y: float) -> int:
         """Returns the cost of the cell at ``x, y`` [m]; free outside the grid."""
@@ -239,8 +270,13 @@ class Costmap:
     def marked(self) -> NDArray[np.float64]:
         """Returns the centres of all cells that sensors have marked as obstacles, shape (n, 2) [m]."""
         place = self.geometry
-        cells = [np.argwhere(layer.cells == LETHAL)[:, ::-1] + 0.5 for layer in self._obstacles.values()]
-        return np.concatenate([np.empty((0, 2)), *cells]) * place.resolution + (place.origin_x, place.origin_y)
+        cells = [
+            np.argwhere(layer.cells == LETHAL)[:, ::-1] + 0.5 for layer in self._obstacles.values()
+        ]
+        return np.concatenate([np.empty((0, 2)), *cells]) * place.resolution + (
+            place.origin_x,
+            place.origin_y,
+        )
 
     def goal_fault(self, goal: Pose) -> str:
         """Returns why the static map rules out ``goal``; empty if it does not.
@@ -253,23 +289,31 @@ class Costmap:
         place, radius = self.geometry, self.footprint.inscribed_radius
         row, col = cell = place.cell_at(goal.x, goal.y)
         if not place.contains(cell):
-            right, top = place.origin_x + place.cols * place.resolution, place.origin_y + place.rows * place.resolution
-            spans = f"x from {place.origin_x:g} to {right:g} and y from {place.origin_y:g} to {top:g} m"
+            right, top = (
+                place.origin_x + place.cols * place.resolution,
+                place.origin_y + place.rows * place.resolution,
+            )
+            spans = (
+                f"x from {place.origin_x:g} to {right:g} and y from {place.origin_y:g} to {top:g} m"
+            )
             return f"The goal ({goal.x:.2f}, {goal.y:.2f}) is outside the map, which spans {spans}."
         reach = int(radius / place.resolution)
         part = place.window_around(cell, reach)
-        rows, cols = np.ogrid[part.row_0 - row : part.row_1 - row, part.col_0 - col : part.col_1 - col]
+        rows, cols = np.ogrid[
+            part.row_0 - row : part.row_1 - row, part.col_0 - col : part.col_1 - col
+        ]
         lethal = np.zeros((part.row_1 - part.row_0, part.col_1 - part.col_0), bool)
         for layer in self._maps:
             assert layer.cells is not None
             lethal |= layer.cells[part.slices] == LETHAL
         if not np.any(lethal & (rows**2 + cols**2 <= reach**2)):
             return ""
-        return (
-            f"The goal ({goal.x:.2f}, {goal.y:.2f}) is in an obstacle of the map, or less than {radius:.2f} m from one."
-        )
+        position = f"({goal.x:.2f}, {goal.y:.2f})"
+        return f"The goal {position} is in an obstacle of the map, or less than {radius:.2f} m from one."
 
-    def unmapped(self, pose: Pose, reach: float, width: float = NARROWEST_ROBOT) -> NDArray[np.float64]:
+    def unmapped(
+        self, pose: Pose, reach: float, width: float = NARROWEST_ROBOT
+    ) -> NDArray[np.float64]:
         """Returns marked obstacles that are not in the map: points (n, 2) [m] within ``reach`` [m] of ``pose``.
 
         Cells within 0.3 m of a lethal cell of the map count as mapped. Obstacles narrower than ``width`` [m], or much
@@ -292,7 +336,10 @@ class Costmap:
         cells = np.argwhere(seen)[:, ::-1] + (part.col_0 + 0.5, part.row_0 + 0.5)
         points = cells * place.resolution + (place.origin_x, place.origin_y)
         tree = KDTree(points)
-        within = [tree.query_ball_point(points, distance, return_length=True) for distance in (width, _WIDEST)]
+        within = [
+            tree.query_ball_point(points, distance, return_length=True)
+            for distance in (width, _WIDEST)
+        ]
         wide = within[1] > within[0]  # there is a point at a distance between the two
         wide &= _extents(points, tree) < _TOO_WIDE
         return np.ascontiguousarray(points[wide])
@@ -306,7 +353,9 @@ def _extents(points: NDArray[np.float64], tree: KDTree) -> NDArray[np.float64]:
         tree: the same points.
     """
     pairs = tree.query_pairs(_JOINED, output_type="ndarray")
-    joined = coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
+    joined = coo_array(
+        (np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points))
+    )
     count, labels = connected_components(joined, directed=False)
     lowest, highest = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
     np.minimum.at(lowest, labels, points)

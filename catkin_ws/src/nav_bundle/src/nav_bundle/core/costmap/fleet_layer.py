@@ -31,11 +31,15 @@ class FleetLayer:
     def __init__(self, config: FleetConfig, own: Footprint) -> None:
         self.config = config
         self._footprint = (
-            footprint_from_parameters(config.footprint, 0.0, config.footprint_padding) if config.footprint else own
+            footprint_from_parameters(config.footprint, 0.0, config.footprint_padding)
+            if config.footprint
+            else own
         )
         self._stamps: list[_Stamp] = []
 
-    def place(self, geometry: Geometry, others: Iterable[Pose], outline: NDArray[np.float64]) -> Window:
+    def place(
+        self, geometry: Geometry, others: Iterable[Pose], outline: NDArray[np.float64]
+    ) -> Window:
         """Sets the other robots' poses in the costmap's frame; returns the window of cells that may have changed.
 
         Args:
@@ -59,7 +63,9 @@ class FleetLayer:
         window = geometry.window_between(x_0, y_0, x_1, y_1)
         if not window:
             return _Stamp(EMPTY, np.empty((0, 0), np.uint8))
-        cells = np.full((window.row_1 - window.row_0, window.col_1 - window.col_0), UNKNOWN, np.uint8)
+        cells = np.full(
+            (window.row_1 - window.row_0, window.col_1 - window.col_0), UNKNOWN, np.uint8
+        )
         place = geometry.place
         x, y = place.x + window.col_0 * place.resolution, place.y + window.row_0 * place.resolution
         for polygon, value in ((outline, LETHAL), (own, UNKNOWN)):
@@ -72,5 +78,7 @@ class FleetLayer:
             part = stamp.window.within(window)
             if part:
                 top, left = part.row_0 - stamp.window.row_0, part.col_0 - stamp.window.col_0
-                stamped = stamp.cells[top : top + part.row_1 - part.row_0, left : left + part.col_1 - part.col_0]
+                stamped = stamp.cells[
+                    top : top + part.row_1 - part.row_0, left : left + part.col_1 - part.col_0
+                ]
                 master[part.slices][stamped == LETHAL] = LETHAL

@@ -25,11 +25,14 @@ class Footprint:
 
     def __init__(self, vertices: NDArray[np.float64], padding: float = 0.0) -> None:
         #: float64, shape (n, 2) [m], in the robot's frame, n >= 3
-        self.vertices: NDArray[np.float64] = np.ascontiguousarray(vertices + np.sign(vertices) * padding, np.float64)
+        self.vertices: NDArray[np.float64] = np.ascontiguousarray(
+            vertices + np.sign(vertices) * padding, np.float64
+        )
         following = np.roll(self.vertices, -1, axis=0)
         #: radius of the largest circle around the origin inside the polygon [m]
         self.inscribed_radius = min(
-            _distance_to_segment(*first, *second) for first, second in zip(self.vertices, following, strict=True)
+            _distance_to_segment(*first, *second)
+            for first, second in zip(self.vertices, following, strict=True)
         )
         #: radius of the smallest circle around the origin that contains the polygon [m]
         self.circumscribed_radius = float(np.hypot(self.vertices[:, 0], self.vertices[:, 1]).max())
@@ -88,8 +91,15 @@ def _vertices(polygon: str | Sequence[Any]) -> NDArray[np.float64]:
         listed = _points_from_text(polygon) if isinstance(polygon, str) else polygon
         vertices = np.array(listed, np.float64)
     except (ValueError, TypeError) as error:
-        raise FootprintError(f"footprint must be a list of [x, y] pairs, not {polygon!r}") from error
-    if vertices.ndim != 2 or vertices.shape[1] != 2 or len(vertices) < 3 or not np.isfinite(vertices).all():
+        raise FootprintError(
+            f"footprint must be a list of [x, y] pairs, not {polygon!r}"
+        ) from error
+    if (
+        vertices.ndim != 2
+        or vertices.shape[1] != 2
+        or len(vertices) < 3
+        or not np.isfinite(vertices).all()
+    ):
         raise FootprintError(f"footprint must have at least three [x, y] vertices, not {polygon!r}")
     if np.abs(vertices).max() > _LARGEST:
         raise FootprintError(f"footprint must stay within {_LARGEST:g} m, not {polygon!r}")

@@ -8,7 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core.costmap.config import InflationConfig, ObstacleConfig, SourceConfig, StaticConfig
+from nav_bundle.core.costmap.config import (
+    InflationConfig,
+    ObstacleConfig,
+    SourceConfig,
+    StaticConfig,
+)
 from nav_bundle.core.costmap.cost import (
     FREE,
     INSCRIBED,
@@ -116,7 +121,10 @@ class StaticLayer:
         assert self._map is not None
         assert self.place is not None
         origin = here_from_map.compose(Pose(self.place.origin_x, self.place.origin_y))
-        before, self.cells = self.cells, _sampled(self._map, origin, self.place.resolution, geometry)
+        before, self.cells = (
+            self.cells,
+            _sampled(self._map, origin, self.place.resolution, geometry),
+        )
         return before is None or not np.array_equal(before, self.cells)
 
     def near(self, window: Window, radius: int) -> NDArray[np.bool_]:
@@ -143,7 +151,11 @@ def _upright(grid: Grid) -> Geometry:
     """Returns the smallest axis-aligned grid that contains a rotated one."""
     resolution = grid.resolution
     corners = np.array(
-        [grid.origin.apply(x * resolution, y * resolution) for x in (0, grid.cols) for y in (0, grid.rows)]
+        [
+            grid.origin.apply(x * resolution, y * resolution)
+            for x in (0, grid.cols)
+            for y in (0, grid.rows)
+        ]
     )
     (left, bottom), (right, top) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
     size = cells_of_distance(top - bottom, resolution), cells_of_distance(right - left, resolution)
@@ -194,12 +206,18 @@ class ObstacleLayer:
         rows, cols = self.cells.shape
         moved = np.full_like(self.cells, self._default)
         if abs(down) < rows and abs(right) < cols:
-            target = np.s_[max(-down, 0) : rows - max(down, 0), max(-right, 0) : cols - max(right, 0)]
-            source = np.s_[max(down, 0) : rows - max(-down, 0), max(right, 0) : cols - max(-right, 0)]
+            target = np.s_[
+                max(-down, 0) : rows - max(down, 0), max(-right, 0) : cols - max(right, 0)
+            ]
+            source = np.s_[
+                max(down, 0) : rows - max(-down, 0), max(right, 0) : cols - max(-right, 0)
+            ]
             moved[target] = self.cells[source]
         self.cells = moved
 
-    def observe(self, geometry: Geometry, observations: Iterable[Observation], outline: NDArray[np.float64]) -> Window:
+    def observe(
+        self, geometry: Geometry, observations: Iterable[Observation], outline: NDArray[np.float64]
+    ) -> Window:
         """Clears and marks cells; returns the window of the cells that changed."""
         mine = [seen for seen in observations if seen.source in self.config.sources]
         touched = self._reach(geometry, mine, outline)
@@ -209,16 +227,22 @@ class ObstacleLayer:
         place = geometry.place
         for seen in mine:
             if seen.source.clearing:
-                rays = kernel.Rays(seen.sensor_x, seen.sensor_y, seen.points, seen.source.raytrace_range)
+                rays = kernel.Rays(
+                    seen.sensor_x, seen.sensor_y, seen.points, seen.source.raytrace_range
+                )
                 kernel.clear_rays(self.cells, place, rays)
         for seen in mine:
             # What a sensor still sees beyond its obstacle range is not forgotten.
             if seen.source.clearing and seen.source.marking:
-                rays = kernel.Rays(seen.sensor_x, seen.sensor_y, seen.points, seen.source.raytrace_range)
+                rays = kernel.Rays(
+                    seen.sensor_x, seen.sensor_y, seen.points, seen.source.raytrace_range
+                )
                 kernel.keep_points(self.cells, before, touched.row_0, touched.col_0, place, rays)
         for seen in mine:
             if seen.source.marking:
-                rays = kernel.Rays(seen.sensor_x, seen.sensor_y, seen.points, seen.source.obstacle_range)
+                rays = kernel.Rays(
+                    seen.sensor_x, seen.sensor_y, seen.points, seen.source.obstacle_range
+                )
                 kernel.mark_points(self.cells, place, rays)
         if self.config.footprint_clearing_enabled:
             kernel.fill_polygon(self.cells, place, outline, FREE)
@@ -226,7 +250,9 @@ class ObstacleLayer:
         kernel.changed_window(self.cells, before, touched.row_0, touched.col_0, changed)
         return Window(*changed.tolist())
 
-    def _reach(self, geometry: Geometry, seen: list[Observation], outline: NDArray[np.float64]) -> Window:
+    def _reach(
+        self, geometry: Geometry, seen: list[Observation], outline: NDArray[np.float64]
+    ) -> Window:
         """Returns the window that contains all cells that can change."""
         (x_0, y_0), (x_1, y_1) = outline.min(axis=0), outline.max(axis=0)
         for each in seen:

@@ -46,14 +46,19 @@ class Source(Generic[Message]):
 
     def __init__(self, config: SourceConfig) -> None:
         self.config = config
-        self.buffer = ObservationBuffer(config.observation_persistence)  #: observations in the costmap's frame
+        self.buffer = ObservationBuffer(
+            config.observation_persistence
+        )  #: observations in the costmap's frame
         self.refusal = ""  #: why the newest message that was refused at the last update cannot be used; else empty
         self._used: _Used | None = None
         self._waits_for = ""
         self._updated = float("-inf")
 
     def update(
-        self, arrivals: Iterable[Arrival[Message]], place: Callable[[Arrival[Message]], Observation], now: float
+        self,
+        arrivals: Iterable[Arrival[Message]],
+        place: Callable[[Arrival[Message]], Observation],
+        now: float,
     ) -> None:
         """Takes what can be used of the messages that came since the last update.
 
@@ -92,7 +97,9 @@ class Source(Generic[Message]):
                 self.refusal = self.refusal or str(error)
         return None
 
-    def fault(self, received: float | None, now: float, update_period: float, tolerance: float) -> str:
+    def fault(
+        self, received: float | None, now: float, update_period: float, tolerance: float
+    ) -> str:
         """Returns why the source is not current at ``now`` [s]; empty if it is, or is not checked.
 
         Args:

@@ -33,17 +33,27 @@ class Fleet:
 
     def discover(self) -> Targets:
         """Queries the master and connects to new robots."""
-        publishers, subscribers, services = (dict[str, list[str]](part) for part in self._master.getSystemState())
-        self.targets = targets_from_graph(publishers, subscribers, services, rospy.get_name()).of(self._robots)
+        publishers, subscribers, services = (
+            dict[str, list[str]](part) for part in self._master.getSystemState()
+        )
+        self.targets = targets_from_graph(publishers, subscribers, services, rospy.get_name()).of(
+            self._robots
+        )
         for topic in self.targets.commands - self._commands.keys():
             # Latched, so that the message arrives as soon as the connection is made, however late.
             publisher = rospy.Publisher(topic, Twist, queue_size=1, latch=True, tcp_nodelay=True)
             self._commands = {**self._commands, topic: publisher}  # another thread may be in `stop`
             if self._hold:
-                self._subscribers.append(rospy.Subscriber(topic, Twist, self._on_command, topic, queue_size=1))
+                self._subscribers.append(
+                    rospy.Subscriber(topic, Twist, self._on_command, topic, queue_size=1)
+                )
         for action in self.targets.actions - self._cancels.keys():
-            self._cancels[action] = rospy.Publisher(f"{action}/cancel", GoalID, queue_size=1, latch=True)
-            self._subscribers.append(rospy.Subscriber(f"{action}/status", GoalStatusArray, self._on_status, action))
+            self._cancels[action] = rospy.Publisher(
+                f"{action}/cancel", GoalID, queue_size=1, latch=True
+            )
+            self._subscribers.append(
+                rospy.Subscriber(f"{action}/status", GoalStatusArray, self._on_status, action)
+            )
         return self.targets
 
     def stop(self) -> None:
@@ -61,7 +71,9 @@ class Fleet:
     def wait_until_cancelled(self, timeout: float) -> list[str]:
         """Waits [s of wall time] until no goal is active; returns the actions whose goals may still be active."""
         deadline = time.monotonic() + timeout
-        while left := sorted(action for action in self.targets.actions if self._live.get(action, True)):
+        while left := sorted(
+            action for action in self.targets.actions if self._live.get(action, True)
+        ):
             if time.monotonic() >= deadline or rospy.is_shutdown():
                 break
             rospy.rostime.wallsleep(_LOOK_EVERY)

@@ -17,7 +17,10 @@ def _begin(name: str, description: str, once: bool) -> argparse.Namespace:
     """Parses the command line and starts the node; exits if no master is running."""
     parser = argparse.ArgumentParser(prog=name, description=description)
     parser.add_argument(
-        "robots", nargs="*", metavar="ROBOT", help="namespace, as pioneer1; all robots where none is given"
+        "robots",
+        nargs="*",
+        metavar="ROBOT",
+        help="namespace, as pioneer1; all robots where none is given",
     )
     if once:
         parser.add_argument("--once", action="store_true", help="stop and cancel now, then end")
@@ -33,18 +36,30 @@ def _report(fleet: Fleet) -> int:
     """Waits until the goals have ended, logs it, and returns the exit status."""
     unended = fleet.wait_until_cancelled(_TIMEOUT)
     for action in unended:
-        rospy.logerr("%s has not confirmed within %.0f s that its goals are cancelled", action, _TIMEOUT)
+        rospy.logerr(
+            "%s has not confirmed within %.0f s that its goals are cancelled", action, _TIMEOUT
+        )
     count = len(fleet.targets.actions) - len(unended)
-    rospy.loginfo("goals cancelled at %d move_base; waypoint queues cleared: %d", count, len(fleet.targets.clears))
+    rospy.loginfo(
+        "goals cancelled at %d move_base; waypoint queues cleared: %d",
+        count,
+        len(fleet.targets.clears),
+    )
     return 1 if unended else 0
 
 
 def cancel_waypoint() -> int:
     """Runs ``cancel_waypoint [ROBOT...]``: clears waypoint queues and cancels goals; returns the exit status."""
-    options = _begin("cancel_waypoint", "Clear the waypoints of robots and cancel the goals they drive to.", once=False)
+    options = _begin(
+        "cancel_waypoint",
+        "Clear the waypoints of robots and cancel the goals they drive to.",
+        once=False,
+    )
     fleet = Fleet(options.robots)
     if not fleet.discover().actions:
-        rospy.logwarn("no move_base here%s", f" of {', '.join(options.robots)}" if options.robots else "")
+        rospy.logwarn(
+            "no move_base here%s", f" of {', '.join(options.robots)}" if options.robots else ""
+        )
         return 1
     fleet.cancel()
     return _report(fleet)
@@ -52,10 +67,14 @@ def cancel_waypoint() -> int:
 
 def estop() -> int:
     """Runs ``ESTOP [--once] [ROBOT...]``: holds robots still until Ctrl-C; returns the exit status."""
-    options = _begin("ESTOP", "Stop robots and cancel their goals, and hold them so until Ctrl-C.", once=True)
+    options = _begin(
+        "ESTOP", "Stop robots and cancel their goals, and hold them so until Ctrl-C.", once=True
+    )
     fleet = Fleet(options.robots, hold=True)
     if not fleet.discover().commands:
-        rospy.logwarn("no robot here%s", f" called {', '.join(options.robots)}" if options.robots else "")
+        rospy.logwarn(
+            "no robot here%s", f" called {', '.join(options.robots)}" if options.robots else ""
+        )
         if options.once:
             return 1
     ended = threading.Event()

@@ -36,7 +36,9 @@ class RvizError(RuntimeError):
 @contextlib.contextmanager
 def running(argv: Sequence[str], **options: Any) -> Iterator["subprocess.Popen[bytes]"]:
     """Runs a program in its own session and ends it with the block; ``options`` are passed to ``Popen``."""
-    program = subprocess.Popen([*_PREFIX, *argv], start_new_session=True, stdin=subprocess.DEVNULL, **options)
+    program = subprocess.Popen(
+        [*_PREFIX, *argv], start_new_session=True, stdin=subprocess.DEVNULL, **options
+    )
     try:
         yield program
     finally:
@@ -67,17 +69,35 @@ def hidden_screen(size: tuple[int, int], folder: Path) -> Iterator[dict[str, str
     # Xvfb writes the number of the first free display. Without -noreset it would restart, and meanwhile refuse
     # clients, whenever its last client disconnects, for example after a screenshot.
     geometry = f"{size[0]}x{size[1]}x24"
-    argv = ["Xvfb", "-displayfd", str(writer), "-screen", "0", geometry, "-nolisten", "tcp", "-noreset"]
+    argv = [
+        "Xvfb",
+        "-displayfd",
+        str(writer),
+        "-screen",
+        "0",
+        geometry,
+        "-nolisten",
+        "tcp",
+        "-noreset",
+    ]
     with (
         open(reader) as numbers,
         open(folder / "Xvfb.log", "wb") as log,
         running(argv, stdout=log, stderr=log, pass_fds=[writer]),
     ):
         os.close(writer)
-        number = numbers.readline().strip() if select.select([numbers], [], [], SCREEN_TIME)[0] else ""
+        number = (
+            numbers.readline().strip() if select.select([numbers], [], [], SCREEN_TIME)[0] else ""
+        )
         if not number:
-            raise RvizError(f"Xvfb has no screen within {SCREEN_TIME:g} s: {_end_of(folder / 'Xvfb.log')}")
-        yield {"DISPLAY": f":{number}", "XDG_RUNTIME_DIR": str(folder), "LIBGL_ALWAYS_SOFTWARE": "1"}
+            raise RvizError(
+                f"Xvfb has no screen within {SCREEN_TIME:g} s: {_end_of(folder / 'Xvfb.log')}"
+            )
+        yield {
+            "DISPLAY": f":{number}",
+            "XDG_RUNTIME_DIR": str(folder),
+            "LIBGL_ALWAYS_SOFTWARE": "1",
+        }
 
 
 def picture_of(variables: Mapping[str, str]) -> Picture:
@@ -86,7 +106,9 @@ def picture_of(variables: Mapping[str, str]) -> Picture:
 
 
 @contextlib.contextmanager
-def hidden_rviz(config: Mapping[str, Any], size: tuple[int, int]) -> Iterator[Callable[[], Picture]]:
+def hidden_rviz(
+    config: Mapping[str, Any], size: tuple[int, int]
+) -> Iterator[Callable[[], Picture]]:
     """Runs RViz full screen as the node ``/rviz`` for the duration of the block.
 
     Args:
@@ -101,15 +123,23 @@ def hidden_rviz(config: Mapping[str, Any], size: tuple[int, int]) -> Iterator[Ca
     """
     _check_installed("rviz", "rviz")
     # RViz ends first: without its display it would die without unregistering from the master.
-    with TemporaryDirectory(prefix="hidden-rviz-") as name, hidden_screen(size, folder := Path(name)) as variables:
+    with (
+        TemporaryDirectory(prefix="hidden-rviz-") as name,
+        hidden_screen(size, folder := Path(name)) as variables,
+    ):
         (folder / "shown.rviz").write_text(yaml.safe_dump(dict(config), allow_unicode=True))
         argv = ["rviz", "--fullscreen", "-d", str(folder / "shown.rviz"), "__name:=rviz"]
         environment = {**os.environ, **variables}
-        with open(folder / "rviz.log", "wb") as log, running(argv, env=environment, stdout=log, stderr=log) as rviz:
+        with (
+            open(folder / "rviz.log", "wb") as log,
+            running(argv, env=environment, stdout=log, stderr=log) as rviz,
+        ):
 
             def picture() -> Picture:
                 if rviz.poll() is not None:
-                    raise RvizError(f"RViz ended, status {rviz.returncode}: {_end_of(folder / 'rviz.log')}")
+                    raise RvizError(
+                        f"RViz ended, status {rviz.returncode}: {_end_of(folder / 'rviz.log')}"
+                    )
                 return picture_of(variables)
 
             yield picture

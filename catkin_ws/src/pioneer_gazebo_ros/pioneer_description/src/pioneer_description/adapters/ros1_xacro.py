@@ -77,7 +77,9 @@ def _add_prefix(element: Element) -> None:
     file = str(xacro.filestack[-1] or "string") if xacro.filestack else "string"
     if file not in _warned:
         _warned.add(file)
-        xacro.warning(f"{file}: <{element.tagName}> has no 'xacro:' prefix; newer xacro releases ignore such tags")
+        xacro.warning(
+            f"{file}: <{element.tagName}> has no 'xacro:' prefix; newer xacro releases ignore such tags"
+        )
     element.tagName = element.nodeName = f"xacro:{element.tagName}"
 
 

@@ -46,13 +46,17 @@ def known_bounds(cells: NDArray[np.int8], resolution: float, x: float, y: float)
     rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
     if not rows.size:
         return None
-    left, right, bottom, top = (float(edge) * resolution for edge in (cols[0], cols[-1] + 1, rows[0], rows[-1] + 1))
+    left, right, bottom, top = (
+        float(edge) * resolution for edge in (cols[0], cols[-1] + 1, rows[0], rows[-1] + 1)
+    )
     return Bounds(x + left, y + bottom, x + right, y + top)
 
 
 def fitted_scale(bounds: Bounds, size: tuple[int, int]) -> float:
     """Returns the scale [pixels/m] at which a rectangle fills a picture of ``size`` pixels, with a small margin."""
-    return 0.94 * min(size[0] / (bounds.right - bounds.left), size[1] / (bounds.top - bounds.bottom))
+    return 0.94 * min(
+        size[0] / (bounds.right - bounds.left), size[1] / (bounds.top - bounds.bottom)
+    )
 
 
 def fleet_config(
@@ -68,15 +72,22 @@ def fleet_config(
     owners = tuple(f"/{group['Name']}/" for group in groups)
     tools = [one for one in manager["Tools"] if not str(one.get("Topic", "")).startswith(owners)]
     for index, robot in enumerate(robots):
-        displays.append(_group(groups[index % len(groups)], robot, _HUE_STEP * (index // len(groups))))
+        displays.append(
+            _group(groups[index % len(groups)], robot, _HUE_STEP * (index // len(groups)))
+        )
     for kind, what in _PER_ROBOT.items():
         topics = {"goal": "map_goal_pose", "pose": "initialpose"}
         tools += [{"Class": kind, "Topic": f"/{robot.name}/{topics[what]}"} for robot in robots]
-    displays.append({"Class": "rviz/MarkerArray", "Name": "Names", "Enabled": True, "Marker Topic": NAMES_TOPIC})
+    displays.append(
+        {"Class": "rviz/MarkerArray", "Name": "Names", "Enabled": True, "Marker Topic": NAMES_TOPIC}
+    )
     centre = {"X": (bounds.left + bounds.right) / 2, "Y": (bounds.bottom + bounds.top) / 2}
     view = {**manager["Views"]["Current"], **centre, "Scale": fitted_scale(bounds, size)}
     views = {**manager["Views"], "Current": view}
-    return {**template, "Visualization Manager": {**manager, "Displays": displays, "Tools": tools, "Views": views}}
+    return {
+        **template,
+        "Visualization Manager": {**manager, "Displays": displays, "Tools": tools, "Views": views},
+    }
 
 
 def tool_name(tool: Mapping[str, Any]) -> str:
@@ -110,4 +121,6 @@ def _renamed(value: Any, old: str, new: str) -> Any:
 def turned(colour: str, hue: float) -> str:
     """Returns a colour "red; green; blue" with its hue rotated by ``hue``, a fraction of the circle."""
     parts = colorsys.rgb_to_hsv(*(int(part) / 255 for part in colour.split(";")))
-    return "; ".join(str(round(255 * part)) for part in colorsys.hsv_to_rgb((parts[0] + hue) % 1, *parts[1:]))
+    return "; ".join(
+        str(round(255 * part)) for part in colorsys.hsv_to_rgb((parts[0] + hue) % 1, *parts[1:])
+    )

@@ -84,7 +84,11 @@ def marks_of(config: Mapping[str, Any]) -> list[Mark]:
     Raises:
         SceneError: it shows no robot, or two displays share a colour.
     """
-    displays = [one for one in config.get("Visualization Manager", {}).get("Displays", ()) if one.get("Enabled", True)]
+    displays = [
+        one
+        for one in config.get("Visualization Manager", {}).get("Displays", ())
+        if one.get("Enabled", True)
+    ]
     maps = [one for one in displays if one.get("Class") == "rviz/Map"]
     marks = [Mark("", "map", FREE, least=1000, topic=str(one.get("Topic", ""))) for one in maps]
     named = any(one.get("Class") == "rviz/MarkerArray" for one in displays)
@@ -94,7 +98,9 @@ def marks_of(config: Mapping[str, Any]) -> list[Mark]:
             marks += [Mark(str(group.get("Name", "")), "name", NAME_COLOUR, 2.0)] if named else []
     colours = [mark.colour for mark in marks if mark.colour not in (None, TOP_PLATE, NAME_COLOUR)]
     if len(marks) < 2 or len(set(colours)) != len(colours):
-        raise SceneError("each robot needs a group of displays, and each scan and plan a colour of its own")
+        raise SceneError(
+            "each robot needs a group of displays, and each scan and plan a colour of its own"
+        )
     return marks
 
 
@@ -111,7 +117,9 @@ def _marks_of_robot(group: Mapping[str, Any]) -> Iterator[Mark]:
             case "rviz/Map":
                 yield Mark(robot, name, None, 1.6, 40, topic)
             case "rviz/LaserScan" | "rviz/Path":
-                red, green, blue = (int(part) for part in str(display.get("Color", "0; 0; 0")).split(";"))
+                red, green, blue = (
+                    int(part) for part in str(display.get("Color", "0; 0; 0")).split(";")
+                )
                 yield Mark(robot, name, (red, green, blue), topic=topic)
 
 
@@ -125,14 +133,23 @@ def alone(config: Mapping[str, Any]) -> dict[str, Any]:
     """Returns the configuration without panels, so that the scene fills the window, at `FRAME_RATE` frames a second."""
     # Without a window manager nothing else sizes the window, not even full-screen mode.
     width, height = size_of(config)
-    window = {"Width": width, "Height": height, "X": 0, "Y": 0, "Hide Left Dock": True, "Hide Right Dock": True}
+    window = {
+        "Width": width,
+        "Height": height,
+        "X": 0,
+        "Y": 0,
+        "Hide Left Dock": True,
+        "Hide Right Dock": True,
+    }
     manager = config.get("Visualization Manager", {})
     options = {**manager.get("Global Options", {}), "Frame Rate": FRAME_RATE}
     manager = {**manager, "Global Options": options}
     return {**config, "Panels": [], "Window Geometry": window, "Visualization Manager": manager}
 
 
-def missing(image: Image, view: View, marks: list[Mark], positions: Mapping[str, Point]) -> list[Mark]:
+def missing(
+    image: Image, view: View, marks: list[Mark], positions: Mapping[str, Point]
+) -> list[Mark]:
     """Returns those of `marks` that are not visible in the picture.
 
     Args:

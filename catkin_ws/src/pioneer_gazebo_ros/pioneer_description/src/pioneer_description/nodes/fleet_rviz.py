@@ -161,8 +161,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _options(words: Sequence[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser("fleet_rviz", description="Opens RViz on the robots of this master.")
-    parser.add_argument("--config", type=Path, default=TEMPLATE, help="RViz configuration whose groups are the robots'")
+    parser = argparse.ArgumentParser(
+        "fleet_rviz", description="Opens RViz on the robots of this master."
+    )
+    parser.add_argument(
+        "--config",
+        type=Path,
+        default=TEMPLATE,
+        help="RViz configuration whose groups are the robots'",
+    )
     parser.add_argument("--robots", default="", metavar="N|NAMES",
         help="wait for pioneer1 … N, or these space-separated names (default: the fleet's)")  # fmt: skip
     parser.add_argument("--tools", choices=["true", "false"], default="true",

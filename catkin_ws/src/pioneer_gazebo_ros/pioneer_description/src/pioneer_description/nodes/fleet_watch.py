@@ -44,20 +44,28 @@ class FleetWatch:
         self._states = states
 
     def _on_map(self, grid: OccupancyGrid) -> None:
-        cells, corner = grid.data.reshape(grid.info.height, grid.info.width), grid.info.origin.position
+        cells, corner = (
+            grid.data.reshape(grid.info.height, grid.info.width),
+            grid.info.origin.position,
+        )
         self._bounds = known_bounds(cells, grid.info.resolution, corner.x, corner.y)
         self._map.unregister()
 
     def positions(self) -> dict[str, Point]:
         """Returns the newest position of each model in the world [m]."""
         states = self._states
-        return {name: (pose.position.x, pose.position.y) for name, pose in zip(states.name, states.pose, strict=True)}
+        return {
+            name: (pose.position.x, pose.position.y)
+            for name, pose in zip(states.name, states.pose, strict=True)
+        }
 
     def names(self) -> list[str]:
         """Returns the fleet's robots, whether already spawned or not."""
         if rospy.has_param(ROBOT_NAMES):
             return list(map(str, rospy.get_param(ROBOT_NAMES)))
-        prefixes = [name.split("/")[1] for name in rospy.get_param_names() if name.endswith("/tf_prefix")]
+        prefixes = [
+            name.split("/")[1] for name in rospy.get_param_names() if name.endswith("/tf_prefix")
+        ]
         return sorted(prefixes, key=lambda name: (len(name), name))
 
     def lacking(self, wanted: Sequence[str] = ()) -> str:
@@ -83,7 +91,11 @@ class FleetWatch:
             What is still missing; empty for nothing.
         """
         told, before = time.monotonic(), ""
-        while (lacking := self.lacking(wanted)) and time.monotonic() < deadline and not rospy.is_shutdown():
+        while (
+            (lacking := self.lacking(wanted))
+            and time.monotonic() < deadline
+            and not rospy.is_shutdown()
+        ):
             if lacking != before and time.monotonic() > told + REPORT_EVERY:
                 told, before = time.monotonic(), lacking
                 say(f"waiting for {lacking}")
@@ -92,14 +104,20 @@ class FleetWatch:
 
     def robots(self, wanted: Sequence[str] = ()) -> list[RobotView]:
         """Returns the views of the wanted robots (default: all), with their topics and model parameters."""
-        scans = [topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/LaserScan"]
+        scans = [
+            topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/LaserScan"
+        ]
         return [self._view(name, scans) for name in wanted or self.names()]
 
     def _view(self, name: str, scans: Sequence[str]) -> RobotView:
         own = [topic for topic in sorted(scans) if topic.startswith(f"/{name}/")]
         laser = own[0] if own else f"/{name}/base_scan"
         model = f"{name}/robot_description"
-        return RobotView(name, laser, model) if rospy.has_param(f"/{model}") else RobotView(name, laser)
+        return (
+            RobotView(name, laser, model)
+            if rospy.has_param(f"/{model}")
+            else RobotView(name, laser)
+        )
 
     @property
     def bounds(self) -> Bounds:
@@ -109,11 +127,15 @@ class FleetWatch:
 
     def name_robots(self, robots: Sequence[RobotView], scale: float) -> None:
         """Labels each robot with its name, at the height of a line of text at ``scale`` [pixels/m]."""
-        self._names.publish(MarkerArray([_name(number, robot.name, scale) for number, robot in enumerate(robots)]))
+        self._names.publish(
+            MarkerArray([_name(number, robot.name, scale) for number, robot in enumerate(robots)])
+        )
 
 
 def _name(number: int, name: str, scale: float) -> Marker:
-    marker = Marker(ns="names", id=number, type=Marker.TEXT_VIEW_FACING, action=Marker.ADD, frame_locked=True)
+    marker = Marker(
+        ns="names", id=number, type=Marker.TEXT_VIEW_FACING, action=Marker.ADD, frame_locked=True
+    )
     marker.header.frame_id = f"{name}/base_link"
     # The empty lines below keep the label above the robot on the screen from any viewpoint.
     marker.text = f"{name}\n \n "

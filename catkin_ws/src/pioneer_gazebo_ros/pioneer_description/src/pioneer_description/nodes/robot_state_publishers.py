@@ -46,10 +46,16 @@ class StatePublisher:
         self._node = node
         self._frames, prefix = _described(robot, node)
         self._malformed = False
-        self._templates = {name: _template(joint, prefix) for name, joint in self._frames.moving.items()}
+        self._templates = {
+            name: _template(joint, prefix) for name, joint in self._frames.moving.items()
+        }
         self._transforms = node.advertise("/tf", TFMessage)
         fixed = node.advertise("/tf_static", TFMessage, latch=True)
-        fixed.send(transforms_frame([_template(joint, prefix).fill(0, joint.pose) for joint in self._frames.fixed]))
+        fixed.send(
+            transforms_frame(
+                [_template(joint, prefix).fill(0, joint.pose) for joint in self._frames.fixed]
+            )
+        )
         node.subscribe_serialised("joint_states", JointState, self._on_joint_states)
 
     def _on_joint_states(self, message: bytes | memoryview, _sender: str) -> None:
@@ -62,7 +68,10 @@ class StatePublisher:
             return
         if due := self._frames.due(state.time, state.names):
             at = dict(zip(state.names, state.positions, strict=True))
-            filled = [self._templates[name].fill(state.time, self._frames.pose(name, at[name])) for name in due]
+            filled = [
+                self._templates[name].fill(state.time, self._frames.pose(name, at[name]))
+                for name in due
+            ]
             self._transforms.send(transforms_frame(filled))
 
 
@@ -91,10 +100,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(argv) if argv is not None else sys.argv
     robots = [word.strip("/") for word in rosgraph.myargv(words)[1:]]
     if not robots or {"-h", "--help"} & set(robots):
-        sys.stdout.write("usage: robot_state_publishers ROBOT [ROBOT …], each the namespace of a robot\n")
+        sys.stdout.write(
+            "usage: robot_state_publishers ROBOT [ROBOT …], each the namespace of a robot\n"
+        )
         return 0 if robots else 2
-    process = NodeProcess(words, (DescriptionError, ValueError, TypeError), wall_time=True, logger="ros")
-    made = [process.add(f"/{robot}/{NAME}", partial(StatePublisher, robot)) for robot in dict.fromkeys(robots)]
+    process = NodeProcess(
+        words, (DescriptionError, ValueError, TypeError), wall_time=True, logger="ros"
+    )
+    made = [
+        process.add(f"/{robot}/{NAME}", partial(StatePublisher, robot))
+        for robot in dict.fromkeys(robots)
+    ]
     if not any(made):
         process.fail()
     return process.run()

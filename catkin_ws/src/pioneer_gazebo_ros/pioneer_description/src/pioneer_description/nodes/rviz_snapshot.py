@@ -16,7 +16,15 @@ import yaml
 
 from pioneer_description.adapters.hidden_rviz import RvizError, hidden_rviz, save
 from pioneer_description.core.fleet_view import fleet_config
-from pioneer_description.core.scene import Mark, SceneError, alone, marks_of, missing, size_of, view_of
+from pioneer_description.core.scene import (
+    Mark,
+    SceneError,
+    alone,
+    marks_of,
+    missing,
+    size_of,
+    view_of,
+)
 from pioneer_description.nodes.fleet_watch import LOOK_EVERY, REPORT_EVERY, FleetWatch
 
 TEMPLATE = Path(rospkg.RosPack().get_path("pioneer_description")) / "rviz" / "multi_pioneer.rviz"
@@ -50,19 +58,33 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _options(words: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        "rviz_snapshot", description="Takes a picture of what RViz shows of the fleet, without a screen."
+        "rviz_snapshot",
+        description="Takes a picture of what RViz shows of the fleet, without a screen.",
     )
-    parser.add_argument("-o", "--output", type=Path, default=Path("rviz.png"), help="default: %(default)s")
-    parser.add_argument("--config", type=Path, default=TEMPLATE, help="RViz configuration whose groups are the robots'")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path("rviz.png"), help="default: %(default)s"
+    )
+    parser.add_argument(
+        "--config",
+        type=Path,
+        default=TEMPLATE,
+        help="RViz configuration whose groups are the robots'",
+    )
     parser.add_argument("--robots", default="", metavar="N|NAMES",
         help="pioneer1 … N, or these space-separated names, must be seen (default: the fleet's)")  # fmt: skip
-    parser.add_argument("--timeout", type=float, default=60.0, metavar="S", help="default: %(default)s s")
+    parser.add_argument(
+        "--timeout", type=float, default=60.0, metavar="S", help="default: %(default)s s"
+    )
     return parser.parse_args(words)
 
 
 def names_of(robots: str) -> list[str]:
     """Returns the robot names given by ``N`` or ``NAME NAME …``; none for an empty text."""
-    return [f"pioneer{number}" for number in range(1, int(robots) + 1)] if robots.isdigit() else robots.split()
+    return (
+        [f"pioneer{number}" for number in range(1, int(robots) + 1)]
+        if robots.isdigit()
+        else robots.split()
+    )
 
 
 def read_config(path: Path) -> dict[str, Any]:
@@ -91,7 +113,9 @@ def _check_master() -> None:
             node.getPid("/rviz_snapshot")
     except (rosgraph.MasterError, OSError):
         return  # no RViz is running, or it died without unregistering
-    raise RvizError(f"an RViz runs at {uri} already ({running}), and the fleet's rules serve only one: close it first")
+    raise RvizError(
+        f"an RViz runs at {uri} already ({running}), and the fleet's rules serve only one: close it first"
+    )
 
 
 def _reasons(unseen: Sequence[Mark]) -> list[str]:
@@ -127,7 +151,10 @@ def _take(config: Mapping[str, Any], watch: FleetWatch, options: argparse.Namesp
                 _say(f"waiting for {_words(unseen[:6])}{' …' if unseen[6:] else ''}")
             rospy.rostime.wallsleep(LOOK_EVERY)  # RViz does not signal when it has drawn
     if unseen:
-        print(f"rviz_snapshot: not seen in RViz within {options.timeout:g} s: {_words(unseen)}", file=sys.stderr)
+        print(
+            f"rviz_snapshot: not seen in RViz within {options.timeout:g} s: {_words(unseen)}",
+            file=sys.stderr,
+        )
         for reason in _reasons(unseen):
             print(f"rviz_snapshot: {reason}", file=sys.stderr)
         return 1

@@ -6,7 +6,15 @@ from collections.abc import Sequence
 from typing import Any
 
 from pioneer_gazebo.adapters.bullet_body import Made, make_body
-from pioneer_gazebo.adapters.bullet_shape import ALL, GROUND, STANDING, MeshShapes, batches, carriers, standing_body
+from pioneer_gazebo.adapters.bullet_shape import (
+    ALL,
+    GROUND,
+    STANDING,
+    MeshShapes,
+    batches,
+    carriers,
+    standing_body,
+)
 from pioneer_gazebo.adapters.quiet_pybullet import pybullet
 from pioneer_gazebo.core.body import Body
 from pioneer_gazebo.core.engine import Contact, EngineError, Physics, Velocity
@@ -25,7 +33,9 @@ def client_with_window() -> int:
         raise EngineError(f"gui: a window needs a display, and none answers at DISPLAY={name!r}")
     client = pybullet.connect(pybullet.GUI)
     if client < 0:
-        raise EngineError(f"gui: pybullet cannot open its window at {name}; does the display support OpenGL 3?")
+        raise EngineError(
+            f"gui: pybullet cannot open its window at {name}; does the display support OpenGL 3?"
+        )
     for option in (pybullet.COV_ENABLE_GUI, pybullet.COV_ENABLE_KEYBOARD_SHORTCUTS):
         pybullet.configureDebugVisualizer(option, 0, physicsClientId=client)
     pybullet.resetDebugVisualizerCamera(12.0, 0.0, -60.0, (0.0, 0.0, 0.0), physicsClientId=client)
@@ -94,7 +104,9 @@ class BulletEngine:
             physicsClientId=self._client,
         )
 
-    def set_standing(self, ground: Sequence[PlacedCollision], obstacles: Sequence[PlacedCollision]) -> None:
+    def set_standing(
+        self, ground: Sequence[PlacedCollision], obstacles: Sequence[PlacedCollision]
+    ) -> None:
         made: list[int] = []
         try:
             made += [standing_body(batch, self._meshes) for batch in batches(ground)]
@@ -107,7 +119,9 @@ class BulletEngine:
         self._remove(self._ground + self._obstacles)
         self._ground, self._obstacles = made[:count], made[count:]
         for body in self._ground:
-            pybullet.setCollisionFilterGroupMask(body, -1, GROUND, ALL, physicsClientId=self._client)
+            pybullet.setCollisionFilterGroupMask(
+                body, -1, GROUND, ALL, physicsClientId=self._client
+            )
         self._ground_set = frozenset(self._ground)
 
     def _remove(self, bodies: Sequence[int]) -> None:
@@ -129,45 +143,67 @@ class BulletEngine:
 
     def pose(self, handle: int, part: int = 0) -> Pose:
         if part:
-            state = pybullet.getLinkState(handle, self._made[handle].links[part], 0, 1, physicsClientId=self._client)
+            state = pybullet.getLinkState(
+                handle, self._made[handle].links[part], 0, 1, physicsClientId=self._client
+            )
             return Pose(state[4], state[5])
-        position, rotation = pybullet.getBasePositionAndOrientation(handle, physicsClientId=self._client)
+        position, rotation = pybullet.getBasePositionAndOrientation(
+            handle, physicsClientId=self._client
+        )
         return Pose(position, rotation).compose(self._made[handle].centres[0])
 
     def velocity(self, handle: int, part: int = 0) -> Velocity:
         if part:
-            state = pybullet.getLinkState(handle, self._made[handle].links[part], 1, 1, physicsClientId=self._client)
+            state = pybullet.getLinkState(
+                handle, self._made[handle].links[part], 1, 1, physicsClientId=self._client
+            )
             rotation, linear, angular = state[1], state[6], state[7]
         else:
-            _, rotation = pybullet.getBasePositionAndOrientation(handle, physicsClientId=self._client)
+            _, rotation = pybullet.getBasePositionAndOrientation(
+                handle, physicsClientId=self._client
+            )
             linear, angular = pybullet.getBaseVelocity(handle, physicsClientId=self._client)
-        return Velocity(linear, angular).at(rotated(rotation, self._made[handle].centres[part].position))
+        return Velocity(linear, angular).at(
+            rotated(rotation, self._made[handle].centres[part].position)
+        )
 
     def set_pose(self, handle: int, pose: Pose) -> None:
         self._wake(handle)
         velocity = pybullet.getBaseVelocity(handle, physicsClientId=self._client)
         centre = pose.compose(self._made[handle].body.parts[0].inertia.pose)
-        pybullet.resetBasePositionAndOrientation(handle, centre.position, centre.rotation, physicsClientId=self._client)
+        pybullet.resetBasePositionAndOrientation(
+            handle, centre.position, centre.rotation, physicsClientId=self._client
+        )
         pybullet.resetBaseVelocity(handle, *velocity, physicsClientId=self._client)
 
     def set_velocity(self, handle: int, velocity: Velocity) -> None:
         self._wake(handle)
         _, rotation = pybullet.getBasePositionAndOrientation(handle, physicsClientId=self._client)
         centre = velocity.at(opposite(rotated(rotation, self._made[handle].centres[0].position)))
-        pybullet.resetBaseVelocity(handle, centre.linear, centre.angular, physicsClientId=self._client)
+        pybullet.resetBaseVelocity(
+            handle, centre.linear, centre.angular, physicsClientId=self._client
+        )
 
     def lead(self, handle: int, pose: Pose, velocity: Velocity) -> None:
         """Subtracts in advance the velocity that gravity adds during the step."""
         x, y, z = (v - fall for v, fall in zip(velocity.linear, self._fall, strict=True))
-        pybullet.resetBasePositionAndOrientation(handle, pose.position, pose.rotation, physicsClientId=self._client)
-        pybullet.resetBaseVelocity(handle, (x, y, z), velocity.angular, physicsClientId=self._client)
+        pybullet.resetBasePositionAndOrientation(
+            handle, pose.position, pose.rotation, physicsClientId=self._client
+        )
+        pybullet.resetBaseVelocity(
+            handle, (x, y, z), velocity.angular, physicsClientId=self._client
+        )
 
     def joints(self, handle: int, parts: Sequence[int]) -> list[tuple[float, float]]:
-        states = pybullet.getJointStates(handle, self._links(handle, parts), physicsClientId=self._client)
+        states = pybullet.getJointStates(
+            handle, self._links(handle, parts), physicsClientId=self._client
+        )
         return [(state[0], state[1]) for state in states]
 
     def efforts(self, handle: int, parts: Sequence[int]) -> list[float]:
-        states = pybullet.getJointStates(handle, self._links(handle, parts), physicsClientId=self._client)
+        states = pybullet.getJointStates(
+            handle, self._links(handle, parts), physicsClientId=self._client
+        )
         return [state[3] for state in states]
 
     def _links(self, handle: int, parts: Sequence[int]) -> list[int]:
@@ -176,9 +212,13 @@ class BulletEngine:
 
     def set_joint(self, handle: int, part: int, position: float) -> None:
         self._wake(handle)
-        pybullet.resetJointState(handle, self._made[handle].links[part], position, 0.0, physicsClientId=self._client)
+        pybullet.resetJointState(
+            handle, self._made[handle].links[part], position, 0.0, physicsClientId=self._client
+        )
 
-    def turn(self, handle: int, parts: Sequence[int], speeds: Sequence[float], efforts: Sequence[float]) -> None:
+    def turn(
+        self, handle: int, parts: Sequence[int], speeds: Sequence[float], efforts: Sequence[float]
+    ) -> None:
         pybullet.setJointMotorControlArray(
             handle, self._links(handle, parts), pybullet.VELOCITY_CONTROL, targetVelocities=speeds, forces=efforts,
             physicsClientId=self._client,
@@ -212,21 +252,35 @@ class BulletEngine:
 
     def _carries(self, point: tuple[Any, ...]) -> bool:
         """Returns whether a contact point is with the ground, or with a static body below that supports the body."""
-        return point[2] in self._ground_set or (point[7][2] > CARRYING and point[2] not in self._made)
+        return point[2] in self._ground_set or (
+            point[7][2] > CARRYING and point[2] not in self._made
+        )
 
     def _contact(self, point: tuple[Any, ...]) -> Contact:
         other = point[2] if point[2] in self._made else None
         part = self._made[other].hosts[point[4] + 1] if other is not None else 0
-        return Contact(self._made[point[1]].hosts[point[3] + 1], other, part, point[6], point[7], -point[8], point[9])
+        return Contact(
+            self._made[point[1]].hosts[point[3] + 1],
+            other,
+            part,
+            point[6],
+            point[7],
+            -point[8],
+            point[9],
+        )
 
     def touching(self) -> set[int]:
         """Queries by link: wheels touch only the ground, and each contact point costs 6 µs to read."""
         return {
-            handle for handle, made in self._made.items() if any(self._is_touched(handle, one) for one in made.solid)
+            handle
+            for handle, made in self._made.items()
+            if any(self._is_touched(handle, one) for one in made.solid)
         }
 
     def _is_touched(self, handle: int, link: int) -> bool:
-        points = pybullet.getContactPoints(bodyA=handle, linkIndexA=link, physicsClientId=self._client)
+        points = pybullet.getContactPoints(
+            bodyA=handle, linkIndexA=link, physicsClientId=self._client
+        )
         return any(point[9] > 0.0 and not self._carries(point) for point in points)
 
     def support(self, points: Sequence[tuple[float, float]], top: float) -> float | None:
@@ -240,7 +294,9 @@ class BulletEngine:
     def overlap(self, handle: int) -> list[Contact]:
         pybullet.performCollisionDetection(physicsClientId=self._client)
         points = pybullet.getContactPoints(bodyA=handle, physicsClientId=self._client)
-        return [self._contact(one) for one in points if one[8] < 0.0 and one[2] not in self._ground_set]
+        return [
+            self._contact(one) for one in points if one[8] < 0.0 and one[2] not in self._ground_set
+        ]
 
     def close(self) -> None:
         pybullet.disconnect(self._client)

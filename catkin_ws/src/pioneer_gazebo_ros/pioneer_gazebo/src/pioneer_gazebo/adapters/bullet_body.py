@@ -5,7 +5,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pioneer_gazebo.adapters.bullet_shape import ALL, FRICTION_AT_MOST, GROUND, ROLLING, STANDING, compound, packs
+from pioneer_gazebo.adapters.bullet_shape import (
+    ALL,
+    FRICTION_AT_MOST,
+    GROUND,
+    ROLLING,
+    STANDING,
+    compound,
+    packs,
+)
 from pioneer_gazebo.adapters.quiet_pybullet import pybullet
 from pioneer_gazebo.core import joint as kinds
 from pioneer_gazebo.core.body import LEAST_MASS, Body, Part
@@ -66,9 +74,13 @@ def make_body(body: Body, pose: Pose, client: int) -> tuple[int, Made]:
     for index, part in enumerate(parts):
         _finish(handle, index - 1, part, client)
     if body.led:
-        pybullet.setCollisionFilterGroupMask(handle, -1, 1, ALL & ~(STANDING | GROUND), physicsClientId=client)
+        pybullet.setCollisionFilterGroupMask(
+            handle, -1, 1, ALL & ~(STANDING | GROUND), physicsClientId=client
+        )
     start = pose.compose(base.inertia.pose)
-    pybullet.resetBasePositionAndOrientation(handle, start.position, start.rotation, physicsClientId=client)
+    pybullet.resetBasePositionAndOrientation(
+        handle, start.position, start.rotation, physicsClientId=client
+    )
     return handle, Made(
         body,
         [part.inertia.pose.inverse() for part in body.parts],
@@ -90,9 +102,14 @@ def spread(parts: Sequence[Part]) -> tuple[list[Part], list[int]]:
     for index, part in enumerate(parts):
         groups = packs(part.touches)
         first[index] = len(made)
-        made.append(replace(part, parent=first[part.parent], touches=tuple(groups[0]) if groups else ()))
+        made.append(
+            replace(part, parent=first[part.parent], touches=tuple(groups[0]) if groups else ())
+        )
         joint = kinds.Joint("", kinds.FIXED, part.name, part.name)
-        made += [Part(part.name, first[index], joint, LEAST_MASS, _SLIGHT, tuple(one), ()) for one in groups[1:]]
+        made += [
+            Part(part.name, first[index], joint, LEAST_MASS, _SLIGHT, tuple(one), ())
+            for one in groups[1:]
+        ]
         hosts += [index] * max(1, len(groups))
     return made, hosts
 
@@ -121,13 +138,22 @@ def _finish(handle: int, link: int, part: Part, client: int) -> None:
     joint = part.joint
     if joint is not None and joint.kind != kinds.FIXED:
         options["jointDamping"] = joint.damping
-        if joint.kind != kinds.CONTINUOUS and math.isfinite(joint.lower) and math.isfinite(joint.upper):
+        if (
+            joint.kind != kinds.CONTINUOUS
+            and math.isfinite(joint.lower)
+            and math.isfinite(joint.upper)
+        ):
             options |= {"jointLowerLimit": joint.lower, "jointUpperLimit": joint.upper}
     pybullet.changeDynamics(handle, link, physicsClientId=client, **options)
     if joint is not None and joint.kind != kinds.FIXED:
         # pybullet puts a motor into every joint; its force is reduced to the joint's friction.
         pybullet.setJointMotorControl2(
-            handle, link, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=joint.friction, physicsClientId=client
+            handle,
+            link,
+            pybullet.VELOCITY_CONTROL,
+            targetVelocity=0.0,
+            force=joint.friction,
+            physicsClientId=client,
         )
     if part.touches and _rolls(part):
         pybullet.setCollisionFilterGroupMask(handle, link, ROLLING, GROUND, physicsClientId=client)

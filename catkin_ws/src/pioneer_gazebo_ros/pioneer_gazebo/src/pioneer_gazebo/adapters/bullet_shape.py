@@ -12,7 +12,16 @@ from pioneer_gazebo.adapters.quiet_pybullet import pybullet
 from pioneer_gazebo.core.engine import EngineError
 from pioneer_gazebo.core.pose import IDENTITY, Pose, conjugate, rotated
 from pioneer_gazebo.core.wheel import Touch
-from pioneer_gazebo.core.world import Box, Collision, Cylinder, Mesh, PlacedCollision, Plane, Shape, Sphere
+from pioneer_gazebo.core.world import (
+    Box,
+    Collision,
+    Cylinder,
+    Mesh,
+    PlacedCollision,
+    Plane,
+    Shape,
+    Sphere,
+)
 
 # Collision groups that Bullet does not assign itself: it puts every static body, walls included, into group 2.
 STANDING, GROUND, ROLLING, ALL = 2, 64, 128, -1
@@ -35,7 +44,9 @@ def batches(placed: Sequence[PlacedCollision]) -> Iterator[list[PlacedCollision]
     groups: dict[tuple[Any, ...], list[PlacedCollision]] = {}
     for one in placed:
         alone = id(one) if isinstance(one.collision.shape, Plane | Mesh) else 0
-        groups.setdefault((one.collision.friction, one.collision.restitution, alone), []).append(one)
+        groups.setdefault((one.collision.friction, one.collision.restitution, alone), []).append(
+            one
+        )
     for group in groups.values():
         group.sort(key=_region)
         for start in range(0, len(group), SHAPES_AT_MOST):
@@ -56,7 +67,9 @@ def packs(touches: Sequence[Touch]) -> list[list[Touch]]:
     """
     alone = [[one] for one in touches if isinstance(one.collision.shape, Mesh | Plane)]
     others = [one for one in touches if not isinstance(one.collision.shape, Mesh | Plane)]
-    return [others[start : start + SHAPES_AT_MOST] for start in range(0, len(others), SHAPES_AT_MOST)] + alone
+    return [
+        others[start : start + SHAPES_AT_MOST] for start in range(0, len(others), SHAPES_AT_MOST)
+    ] + alone
 
 
 def compound(shapes: Sequence[tuple[Collision, Pose]], client: int) -> int:
@@ -77,7 +90,9 @@ def compound(shapes: Sequence[tuple[Collision, Pose]], client: int) -> int:
         return _array(shapes, client)
     except pybullet.error as error:
         names = ", ".join(collision.name for collision, _ in shapes)
-        raise EngineError(f"the physics engine refuses the collision shape of {names}: {error}") from error
+        raise EngineError(
+            f"the physics engine refuses the collision shape of {names}: {error}"
+        ) from error
 
 
 def _lone(shape: Mesh | Plane, pose: Pose, client: int) -> int:
@@ -87,7 +102,10 @@ def _lone(shape: Mesh | Plane, pose: Pose, client: int) -> int:
         else {"shapeType": pybullet.GEOM_MESH, "vertices": hull_of_mesh(shape).tolist()}
     )
     return pybullet.createCollisionShape(
-        collisionFramePosition=pose.position, collisionFrameOrientation=pose.rotation, physicsClientId=client, **options
+        collisionFramePosition=pose.position,
+        collisionFrameOrientation=pose.rotation,
+        physicsClientId=client,
+        **options,
     )
 
 
@@ -108,7 +126,9 @@ class MeshShapes:
         if key not in self._made:
             triangles = solid_of_mesh(mesh)
             if up is not None:
-                normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+                normals = np.cross(
+                    triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+                )
                 lengths = np.maximum(np.linalg.norm(normals, axis=1), 1e-12)
                 triangles = triangles[np.abs(normals @ up) > STEEPEST * lengths]
             self._made[key] = self._shape(mesh.path, triangles) if len(triangles) else -1
@@ -126,7 +146,9 @@ class MeshShapes:
 
 
 def _array(shapes: Sequence[tuple[Collision, Pose]], client: int) -> int:
-    kinds, radii, halves, lengths = zip(*(_primitive(collision.shape) for collision, _ in shapes), strict=True)
+    kinds, radii, halves, lengths = zip(
+        *(_primitive(collision.shape) for collision, _ in shapes), strict=True
+    )
     return pybullet.createCollisionShapeArray(
         shapeTypes=kinds,
         radii=radii,
@@ -160,7 +182,9 @@ def standing_body(batch: Sequence[PlacedCollision], meshes: MeshShapes) -> int:
     base, mesh = batch[0].pose if alone else IDENTITY, batch[0].collision.shape
     if isinstance(mesh, Mesh):
         return fixed_body(meshes.of(mesh), base, batch[0].collision, meshes.client)
-    shape = compound([(one.collision, IDENTITY if alone else one.pose) for one in batch], meshes.client)
+    shape = compound(
+        [(one.collision, IDENTITY if alone else one.pose) for one in batch], meshes.client
+    )
     return fixed_body(shape, base, batch[0].collision, meshes.client)
 
 
@@ -171,7 +195,9 @@ def fixed_body(shape: int, base: Pose, surface: Collision, client: int) -> int:
         physicsClientId=client,
     )  # fmt: skip
     friction = min(surface.friction, FRICTION_AT_MOST)
-    pybullet.changeDynamics(body, -1, lateralFriction=friction, restitution=surface.restitution, physicsClientId=client)
+    pybullet.changeDynamics(
+        body, -1, lateralFriction=friction, restitution=surface.restitution, physicsClientId=client
+    )
     return body
 
 
@@ -198,7 +224,9 @@ def carriers(placed: Sequence[PlacedCollision], meshes: MeshShapes) -> list[int]
             if shape >= 0:
                 made.append(fixed_body(shape, one.pose, one.collision, meshes.client))
     for body in made:
-        pybullet.setCollisionFilterGroupMask(body, -1, GROUND, ROLLING, physicsClientId=meshes.client)
+        pybullet.setCollisionFilterGroupMask(
+            body, -1, GROUND, ROLLING, physicsClientId=meshes.client
+        )
     return made
 
 
@@ -215,7 +243,11 @@ def _slab(one: PlacedCollision) -> PlacedCollision | None:
     if min(size[:axis] + size[axis + 1 :]) < NARROWEST:
         return None
     height, size[axis] = size[axis], min(THICKNESS, size[axis])
-    top = Box((size[0], size[1], size[2])) if isinstance(shape, Box) else Cylinder(shape.radius, size[2])
+    top = (
+        Box((size[0], size[1], size[2]))
+        if isinstance(shape, Box)
+        else Cylinder(shape.radius, size[2])
+    )
     offset = [0.0, 0.0, 0.0]
     offset[axis] = (height - size[axis]) / 2 * (1.0 if up[axis] > 0 else -1.0)
     pose = one.pose.compose(Pose((offset[0], offset[1], offset[2])))

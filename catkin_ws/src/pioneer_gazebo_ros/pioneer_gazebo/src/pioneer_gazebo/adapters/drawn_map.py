@@ -19,7 +19,9 @@ def read_map(path: Path) -> DrawnMap | None:
         fields = yaml.safe_load(path.read_text())
         content = (path.parent / fields["image"]).read_bytes()
         x, y, yaw = map(float, fields["origin"])
-        resolution, free, occupied = (float(fields[key]) for key in ("resolution", "free_thresh", "occupied_thresh"))
+        resolution, free, occupied = (
+            float(fields[key]) for key in ("resolution", "free_thresh", "occupied_thresh")
+        )
         negated = bool(int(fields.get("negate", 0)))
     except (OSError, KeyError, TypeError, ValueError, yaml.YAMLError) as error:
         raise DescriptionError(f"cannot read the map {path}: {error}") from None

@@ -52,7 +52,9 @@ class Element:
         Raises:
             DescriptionError: the text is not well-formed XML.
         """
-        parser = etree.XMLParser(remove_comments=True, remove_pis=True, resolve_entities=False, no_network=True)
+        parser = etree.XMLParser(
+            remove_comments=True, remove_pis=True, resolve_entities=False, no_network=True
+        )
         data = text.encode() if isinstance(text, str) else text
         try:
             return cls(etree.fromstring(data, parser), source)
@@ -75,7 +77,9 @@ class Element:
             if parent.get("name"):
                 path.append(self._label(parent))
             parent = parent.getparent()
-        return DescriptionError(f"{self.source}, line {self._node.sourceline}: {' '.join(reversed(path))}: {message}")
+        return DescriptionError(
+            f"{self.source}, line {self._node.sourceline}: {' '.join(reversed(path))}: {message}"
+        )
 
     @staticmethod
     def _label(node: etree._Element) -> str:
@@ -137,7 +141,9 @@ class Element:
         words = (self.text if text is None else text).split()
         what = f"{what} " if what else ""
         if len(words) != count:
-            raise self.error(f"{what}needs {count} number{'s' * (count != 1)}, not {len(words)}: {' '.join(words)!r}")
+            raise self.error(
+                f"{what}needs {count} number{'s' * (count != 1)}, not {len(words)}: {' '.join(words)!r}"
+            )
         return tuple(self._number(word, what) for word in words)
 
     def _number(self, word: str, what: str) -> float:

@@ -45,15 +45,23 @@ def _episode(
     return (reward - STEP_COST * steps) / count, reached / count, steps / count
 
 
-def _action(weights: NDArray[np.float64], seen: NDArray[np.float32], reach: float) -> NDArray[np.float32]:
+def _action(
+    weights: NDArray[np.float64], seen: NDArray[np.float32], reach: float
+) -> NDArray[np.float32]:
     distance, sine, cosine = map(float, seen[-EXTRA : 3 - EXTRA])
-    return np.array(act(weights, seen[:-EXTRA].astype(float) * reach, distance, math.atan2(sine, cosine)), np.float32)
+    return np.array(
+        act(weights, seen[:-EXTRA].astype(float) * reach, distance, math.atan2(sine, cosine)),
+        np.float32,
+    )
 
 
 def main() -> None:
     """Trains, and compares the weights before and after training on unseen worlds."""
     robot, rng, curve = pioneer(), np.random.default_rng(1), list[dict[str, Any]]()
-    env, reach = PioneerParallelEnv("small_world", ROBOTS, description=robot, limit=LIMIT), robot.lasers[0].max_range
+    env, reach = (
+        PioneerParallelEnv("small_world", ROBOTS, description=robot, limit=LIMIT),
+        robot.lasers[0].max_range,
+    )
     mean, spread = np.log(START), np.full(len(START), _SPREAD)
     chosen, highest = np.array(START), -math.inf
     for generation in range(GENERATIONS):
@@ -64,14 +72,25 @@ def main() -> None:
         if results[order[0], 0] > highest:
             chosen, highest = np.exp(best[0]), results[order[0], 0]
         mean, spread = best.mean(axis=0), best.std(axis=0) + _LEAST_SPREAD
-        curve.append({"cpu_seconds": round(time.process_time(), 1), "returns": results[:, 0].round(2).tolist()})
+        curve.append(
+            {
+                "cpu_seconds": round(time.process_time(), 1),
+                "returns": results[:, 0].round(2).tolist(),
+            }
+        )
         print(
             f"generation {generation}: mean return {results[:, 0].mean():.2f}, reached {results[:, 1].mean():.0%}",
             flush=True,
         )
     tests = {"before": np.array(START), "after": chosen.round(3)}
     found = {
-        name: dict(zip(("return", "reached", "steps"), drive(env, reach, one, TESTED).round(3).tolist(), strict=True))
+        name: dict(
+            zip(
+                ("return", "reached", "steps"),
+                drive(env, reach, one, TESTED).round(3).tolist(),
+                strict=True,
+            )
+        )
         for name, one in tests.items()
     }
     content = {"weights": tests["after"].tolist(), "curve": curve, "test": found}
@@ -90,7 +109,9 @@ def _draw(curve: list[dict[str, Any]]) -> None:
     seconds = [one["cpu_seconds"] for one in curve]
     for one in curve:
         axes.plot([one["cpu_seconds"]] * POPULATION, one["returns"], ".", color="0.6")
-    axes.plot(seconds, [np.mean(one["returns"]) for one in curve], "o-", label="mean of a generation")
+    axes.plot(
+        seconds, [np.mean(one["returns"]) for one in curve], "o-", label="mean of a generation"
+    )
     axes.plot(seconds, [max(one["returns"]) for one in curve], "-", label="best")
     axes.set(xlabel="CPU time [s]", ylabel="return of a robot", title="Learned driver, small_world")
     axes.legend()

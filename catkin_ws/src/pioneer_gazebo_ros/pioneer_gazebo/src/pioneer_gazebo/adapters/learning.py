@@ -39,7 +39,9 @@ try:
     from gymnasium.error import ResetNeeded
     from pettingzoo import ParallelEnv
 except ImportError as error:
-    raise ImportError(f"learning needs gymnasium and pettingzoo (pip install gymnasium pettingzoo): {error}") from error
+    raise ImportError(
+        f"learning needs gymnasium and pettingzoo (pip install gymnasium pettingzoo): {error}"
+    ) from error
 
 Array = NDArray[np.float32]
 EXTRA = 5
@@ -121,7 +123,10 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
             if given and len(given) != robots:
                 raise ValueError(f"{name} must be {robots}, one a robot, not {len(given)}")
         path = world_path(world)
-        self._world, self._free = world_from_sdf(path, model_path()), None if starts and goals else _free_space(path)
+        self._world, self._free = (
+            world_from_sdf(path, model_path()),
+            None if starts and goals else _free_space(path),
+        )
         self._robot = description or pioneer()
         self._starts, self._goals_given, self._reward = starts, goals, reward
         self._ticks, self._limit, self._tolerance = round(step * TICK_RATE), limit, tolerance
@@ -134,7 +139,9 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         high = np.concatenate([np.ones(laser.samples), [np.inf], np.ones(EXTRA - 1)])
         low[-2:], high[-2:] = -np.inf, np.inf
         self._observations = spaces.Box(low.astype("f4"), high.astype("f4"))
-        self._actions = {agent: spaces.Box(-1.0, 1.0, (2,), np.float32) for agent in self.possible_agents}
+        self._actions = {
+            agent: spaces.Box(-1.0, 1.0, (2,), np.float32) for agent in self.possible_agents
+        }
         self._engine: BulletEngine | None = None
         self._rng = np.random.default_rng()
 
@@ -157,7 +164,9 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         self.close()
         physics = Physics()
         self._engine = BulletEngine(physics)
-        self._simulation = Simulation(self._engine, triangles_of_mesh, physics, int(self._rng.integers(2**31)))
+        self._simulation = Simulation(
+            self._engine, triangles_of_mesh, physics, int(self._rng.integers(2**31))
+        )
         self._simulation.load(self._world)
         self.agents = list(self.possible_agents)
         self._entities = dict[str, Entity]()
@@ -171,7 +180,9 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
             self._entities[agent] = self._simulation.add_robot(agent, agent, self._robot, pose)
             self._goals[agent] = goal
         self._count, self._distances = 0, {agent: self._distance(agent) for agent in self.agents}
-        return {agent: self._observation(agent) for agent in self.agents}, {agent: {} for agent in self.agents}
+        return {agent: self._observation(agent) for agent in self.agents}, {
+            agent: {} for agent in self.agents
+        }
 
     def _places(self) -> list[tuple[Place, Place]]:
         """Returns each robot's start and goal."""
@@ -181,11 +192,19 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
             return list(zip(starts, goals, strict=True))
         nothing = [None] * len(self.possible_agents)
         # A goal within tolerance would end the episode in its first step.
-        return self._free.places(self._rng, starts or nothing, goals or nothing, 2.0 * self._tolerance)
+        return self._free.places(
+            self._rng, starts or nothing, goals or nothing, 2.0 * self._tolerance
+        )
 
     def step(
         self, actions: dict[str, Array]
-    ) -> tuple[dict[str, Array], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
+    ) -> tuple[
+        dict[str, Array],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
         """Advances all robots; returns observations, rewards, terminations, truncations and infos (``state``).
 
         Raises:
@@ -197,17 +216,25 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
             speed, turn = map(float, np.clip(actions[agent], -1.0, 1.0) * self._most)
             drive = self._entities[agent].drives[0]
             if self._wheels:
-                speed, turn = (speed + turn) / 2.0, (turn - speed) / drive.drive.config.wheelSeparation
+                speed, turn = (
+                    (speed + turn) / 2.0,
+                    (turn - speed) / drive.drive.config.wheelSeparation,
+                )
             drive.command(self._simulation.tick, speed, turn)
         self._simulation.advance(self._simulation.tick + self._ticks)
         self._count += 1
         touched = {entity.name for entity in self._simulation.collided()}
         observations = {agent: self._observation(agent) for agent in self.agents}
-        states = {agent: self._state(agent, observations[agent], agent in touched) for agent in self.agents}
+        states = {
+            agent: self._state(agent, observations[agent], agent in touched)
+            for agent in self.agents
+        }
         ended = {agent: state.reached for agent, state in states.items()}
         late = dict.fromkeys(self.agents, self._count >= self._limit)
         rewards = {agent: float(self._reward(state)) for agent, state in states.items()}
-        infos: dict[str, dict[str, Any]] = {agent: {"state": state} for agent, state in states.items()}
+        infos: dict[str, dict[str, Any]] = {
+            agent: {"state": state} for agent, state in states.items()
+        }
         for agent in [agent for agent in self.agents if ended[agent]]:
             self._entities[agent].drives[0].command(self._simulation.tick, 0.0, 0.0)
         self.agents = [agent for agent in self.agents if not (ended[agent] or late[agent])]
@@ -230,14 +257,25 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         bearing = math.atan2(goal[1] - y, goal[0] - x) - pose.yaw
         motion = entity.drives[0].drive.odometry
         ranges = np.clip(self._simulation.ranges(entity, entity.lasers[0]) / self._reach, 0.0, 1.0)
-        extra = (math.dist((x, y), goal), math.sin(bearing), math.cos(bearing), motion.speed, motion.turn)
+        extra = (
+            math.dist((x, y), goal),
+            math.sin(bearing),
+            math.cos(bearing),
+            motion.speed,
+            motion.turn,
+        )
         return np.concatenate([ranges, extra], dtype=np.float32)
 
     def _state(self, agent: str, observation: Array, collided: bool) -> State:
         distance, _, _, speed, turn = map(float, observation[-EXTRA:])
         progress, self._distances[agent] = self._distances[agent] - distance, distance
-        pose, nearest = self._simulation.pose(self._entities[agent]), float(observation[:-EXTRA].min()) * self._reach
-        return State(pose, distance, progress, speed, turn, distance <= self._tolerance, collided, nearest)
+        pose, nearest = (
+            self._simulation.pose(self._entities[agent]),
+            float(observation[:-EXTRA].min()) * self._reach,
+        )
+        return State(
+            pose, distance, progress, speed, turn, distance <= self._tolerance, collided, nearest
+        )
 
 
 class PioneerEnv(Env[Array, Array]):  # type: ignore[misc]
@@ -249,7 +287,9 @@ class PioneerEnv(Env[Array, Array]):  # type: ignore[misc]
         self.observation_space = self._env.observation_space(self._agent)
         self.action_space = self._env.action_space(self._agent)
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
         """Starts an episode."""
         super().reset(seed=seed)
         observations, infos = self._env.reset(seed, options)
@@ -258,7 +298,13 @@ class PioneerEnv(Env[Array, Array]):  # type: ignore[misc]
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Advances the robot by one step."""
         seen, rewards, ended, late, infos = self._env.step({self._agent: action})
-        return seen[self._agent], rewards[self._agent], ended[self._agent], late[self._agent], infos[self._agent]
+        return (
+            seen[self._agent],
+            rewards[self._agent],
+            ended[self._agent],
+            late[self._agent],
+            infos[self._agent],
+        )
 
     def close(self) -> None:
         """Frees the physics engine."""
@@ -275,7 +321,9 @@ def pioneer() -> Robot:
     if folder is None:
         raise DescriptionError("package pioneer_description, which has the robot, is not found")
     command = ["xacro", str(folder / "urdf" / "pioneer3dx.xacro")]
-    return robot_from_urdf(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    return robot_from_urdf(
+        subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    )
 
 
 class _FreeSpace:
@@ -285,7 +333,11 @@ class _FreeSpace:
         self._xy, self._part = xy, part
 
     def places(
-        self, rng: np.random.Generator, starts: Sequence[Place | None], goals: Sequence[Place | None], apart: float
+        self,
+        rng: np.random.Generator,
+        starts: Sequence[Place | None],
+        goals: Sequence[Place | None],
+        apart: float,
     ) -> list[tuple[Place, Place]]:
         """Returns a start and a goal for each robot: those given, else random ones that reach each other.
 
@@ -311,7 +363,9 @@ class _FreeSpace:
             pairs.append((start, goal))
         return pairs
 
-    def _drawn(self, rng: np.random.Generator, taken: Sequence[Place], other: Place | None, apart: float) -> Place:
+    def _drawn(
+        self, rng: np.random.Generator, taken: Sequence[Place], other: Place | None, apart: float
+    ) -> Place:
         """Returns a random place away from those taken; from ``other``, it can be reached and is not too near."""
         allowed = np.ones(len(self._xy), bool)
         for place in taken:
@@ -342,9 +396,17 @@ def _free_space(world: Path) -> _FreeSpace:
     drawn = read_map(map_path(world))
     if drawn is None:
         raise DescriptionError(f"{map_path(world)} is no map as world_to_map draws it")
-    pixels = np.frombuffer(drawn.pixels, np.uint8, drawn.rows * drawn.cols).reshape(drawn.rows, drawn.cols)[::-1]
-    clear = ndimage.distance_transform_edt(np.pad(pixels >= drawn.free, 1))[1:-1, 1:-1] * drawn.resolution >= _CLEARANCE
+    pixels = np.frombuffer(drawn.pixels, np.uint8, drawn.rows * drawn.cols).reshape(
+        drawn.rows, drawn.cols
+    )[::-1]
+    clear = (
+        ndimage.distance_transform_edt(np.pad(pixels >= drawn.free, 1))[1:-1, 1:-1]
+        * drawn.resolution
+        >= _CLEARANCE
+    )
     parts, _ = ndimage.label(clear)
     rows, cols = np.nonzero(clear)
-    xy = np.column_stack([drawn.x + (cols + 0.5) * drawn.resolution, drawn.y + (rows + 0.5) * drawn.resolution])
+    xy = np.column_stack(
+        [drawn.x + (cols + 0.5) * drawn.resolution, drawn.y + (rows + 0.5) * drawn.resolution]
+    )
     return _FreeSpace(xy, parts[rows, cols])

@@ -27,7 +27,9 @@ LARGE = 4 << 20
 """Files of more bytes are slow enough to read that this is reported."""
 
 _BINARY_HEADER = 84
-_BINARY_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_BINARY_TRIANGLE = np.dtype(
+    [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
+)
 
 
 def triangles_of_mesh(mesh: Mesh) -> Triangles:
@@ -70,7 +72,9 @@ def prepare(links: Iterable[Link], static: bool, report: Callable[[str], None]) 
     Raises:
         DescriptionError: see `triangles_of_mesh`.
     """
-    for shape in {one.shape for link in links for one in link.collisions if isinstance(one.shape, Mesh)}:
+    for shape in {
+        one.shape for link in links for one in link.collisions if isinstance(one.shape, Mesh)
+    }:
         size = version(shape.path)[1]
         if size > LARGE:
             report(f"reading mesh {shape.path} ({size >> 20} MiB) …")
@@ -125,7 +129,9 @@ def _from_stl(data: bytes) -> Triangles:
     words = data.decode("ascii", "replace").split()
     if not words or words[0] != "solid":
         raise ValueError("neither binary nor text STL")
-    corners = [[float(w) for w in words[i + 1 : i + 4]] for i, word in enumerate(words) if word == "vertex"]
+    corners = [
+        [float(w) for w in words[i + 1 : i + 4]] for i, word in enumerate(words) if word == "vertex"
+    ]
     return np.array(corners, dtype=np.float64).reshape(-1, 3, 3)
 
 
@@ -166,7 +172,9 @@ def cached(data: bytes, kind: str, reader: Callable[[bytes], Triangles]) -> Tria
     """
     if len(data) < SLOW:
         return reader(data)
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pioneer_gazebo" / "mesh"
+    folder = (
+        Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pioneer_gazebo" / "mesh"
+    )
     path = folder / f"{hashlib.sha256(FORMAT.encode() + kind.encode() + data).hexdigest()}.npy"
     try:
         found = np.load(path, allow_pickle=False)
@@ -199,7 +207,9 @@ def triangles_from_collada(data: bytes) -> Triangles:
         ValueError: the document is malformed or contains no triangles.
     """
     try:
-        root = etree.fromstring(data, etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True))
+        root = etree.fromstring(
+            data, etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
+        )
     except etree.XMLSyntaxError as error:
         raise ValueError(f"not well-formed XML: {error.msg}") from None
     geometries = {node.get("id"): _geometry(node) for node in root.iterfind(".//{*}geometry")}
@@ -283,13 +293,20 @@ def _geometry(node: etree._Element) -> Triangles:
             source = sources[positions[(vertex.get("source") or "").removeprefix("#")]]
             points = _numbers(source.findtext("{*}float_array")).reshape(-1, 3)
             stride = 1 + max(int(i.get("offset", "0")) for i in primitive.iterfind("{*}input"))
-            parts.append(points[_corner_indices(primitive, kind, stride, int(vertex.get("offset", "0")))])
+            parts.append(
+                points[_corner_indices(primitive, kind, stride, int(vertex.get("offset", "0")))]
+            )
     return np.concatenate(parts)
 
 
-def _corner_indices(primitive: etree._Element, kind: str, stride: int, offset: int) -> NDArray[np.intp]:
+def _corner_indices(
+    primitive: etree._Element, kind: str, stride: int, offset: int
+) -> NDArray[np.intp]:
     """Returns vertex indices, shape (n, 3); polygons are split into triangle fans."""
-    rows = [_numbers(p.text).astype(np.intp).reshape(-1, stride)[:, offset] for p in primitive.iterfind("{*}p")]
+    rows = [
+        _numbers(p.text).astype(np.intp).reshape(-1, stride)[:, offset]
+        for p in primitive.iterfind("{*}p")
+    ]
     if kind == "triangles":
         return np.concatenate([*rows, np.empty(0, dtype=np.intp)]).reshape(-1, 3)
     if kind == "polylist":

@@ -13,7 +13,14 @@ from pioneer_gazebo.core.section import Section
 PAPER, WALL, SOLID, INK = (250, 250, 247), (40, 44, 52), (150, 156, 166), (20, 20, 20)
 _MEETS = 1e-6
 """Points closer than this are the same vertex [m]."""
-COLOURS = ((214, 69, 65), (38, 122, 189), (39, 158, 96), (214, 137, 16), (125, 70, 168), (22, 150, 160))
+COLOURS = (
+    (214, 69, 65),
+    (38, 122, 189),
+    (39, 158, 96),
+    (214, 137, 16),
+    (125, 70, 168),
+    (22, 150, 160),
+)
 """Robot colours, used in turn."""
 _FINER = 2
 """Supersampling factor; the image is drawn larger and then reduced, which smooths its edges."""
@@ -58,7 +65,9 @@ class PlanImage:
         self.image = canvas.resize(size, Image.Resampling.BOX)
 
     def _at(self, x: float, y: float) -> tuple[float, float]:
-        return (x - self._low[0]) * self._scale, self._size[1] - _FINER - (y - self._low[1]) * self._scale
+        return (x - self._low[0]) * self._scale, self._size[1] - _FINER - (
+            y - self._low[1]
+        ) * self._scale
 
     def _solid(self, solid: Section) -> None:
         for corners in closed_lines(solid.segments):
@@ -67,7 +76,9 @@ class PlanImage:
             box = [self._at(x - radius, y + radius), self._at(x + radius, y - radius)]
             self._draw.ellipse(box, fill=SOLID, outline=WALL, width=2 * _FINER)
         for ax, ay, ex, ey in solid.segments:
-            self._draw.line([self._at(ax, ay), self._at(ax + ex, ay + ey)], fill=WALL, width=2 * _FINER)
+            self._draw.line(
+                [self._at(ax, ay), self._at(ax + ex, ay + ey)], fill=WALL, width=2 * _FINER
+            )
 
     def _bar(self, width: float) -> None:
         """Draws the scale bar at the lower left: the longest length within a fifth of the image width."""
@@ -92,7 +103,9 @@ class PlanImage:
             end = self._at(x, y)
             self._draw.line([eye, end], fill=(*colour, 40))
             radius = 1.5 * _FINER
-            self._draw.ellipse([end[0] - radius, end[1] - radius, end[0] + radius, end[1] + radius], fill=colour)
+            self._draw.ellipse(
+                [end[0] - radius, end[1] - radius, end[0] + radius, end[1] + radius], fill=colour
+            )
 
     def _body(self, one: Shown, colour: tuple[int, int, int]) -> None:
         c, s = math.cos(one.yaw), math.sin(one.yaw)
@@ -103,7 +116,9 @@ class PlanImage:
         for corners in closed_lines(one.outline):
             self._draw.polygon([placed(x, y) for x, y in corners], fill=(*colour, 150))
         for ax, ay, ex, ey in one.outline:
-            self._draw.line([placed(ax, ay), placed(ax + ex, ay + ey)], fill=colour, width=2 * _FINER)
+            self._draw.line(
+                [placed(ax, ay), placed(ax + ex, ay + ey)], fill=colour, width=2 * _FINER
+            )
         if len(one.hits):
             self._draw.line([placed(0.0, 0.0), placed(0.4, 0.0)], fill=INK, width=2 * _FINER)
         px, py = self._at(one.x, one.y)
@@ -120,7 +135,10 @@ def closed_lines(segments: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]
         closes = math.dist((ax + ex, ay + ey), segments[begin, :2]) < _MEETS
         if closes and number > begin + 1:
             yield segments[begin : number + 1, :2]
-        goes_on = number + 1 < len(segments) and math.dist((ax + ex, ay + ey), segments[number + 1, :2]) < _MEETS
+        goes_on = (
+            number + 1 < len(segments)
+            and math.dist((ax + ex, ay + ey), segments[number + 1, :2]) < _MEETS
+        )
         if closes or not goes_on:
             begin = number + 1
 
@@ -132,7 +150,9 @@ def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
         return ImageFont.load_default()
 
 
-def _bounds(walls: Section, shown: Sequence[Shown]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _bounds(
+    walls: Section, shown: Sequence[Shown]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Returns the minimum and maximum x, y [m] of the view, with margins."""
     parts = [walls.extremes()]
     parts += [np.array([[one.x - 1.0, one.y - 1.0], [one.x + 1.0, one.y + 1.0]]) for one in shown]

@@ -42,14 +42,18 @@ class Names:
         names = {"link": self.links, "joint": self.joints}[kind]
         if name not in names:
             near = difflib.get_close_matches(name, names, n=1)
-            raise element.error(f"unknown {kind} {name!r}" + (f"; did you mean {near[0]!r}?" if near else ""))
+            raise element.error(
+                f"unknown {kind} {name!r}" + (f"; did you mean {near[0]!r}?" if near else "")
+            )
 
 
 def note_unread(plugin: Element, read: Collection[str], notes: Notes) -> None:
     """Adds a note for every element of a plugin that is not in ``read``."""
     for child in plugin.children():
         if child.tag not in QUIET and child.tag not in read:
-            notes.add(f"<{child.tag}> of plugin lib{library_of(plugin)}.so is not supported and ignored")
+            notes.add(
+                f"<{child.tag}> of plugin lib{library_of(plugin)}.so is not supported and ignored"
+            )
 
 
 def library_of(plugin: Element) -> str:
@@ -57,7 +61,9 @@ def library_of(plugin: Element) -> str:
     return plugin.attribute("filename").rpartition("/")[2].removeprefix("lib").removesuffix(".so")
 
 
-def filled(config: type[Config], element: Element, notes: Notes, known: Collection[str] = (), **given: Any) -> Config:
+def filled(
+    config: type[Config], element: Element, notes: Notes, known: Collection[str] = (), **given: Any
+) -> Config:
     """Returns a ``config`` filled from the plugin's name, the child elements named like its fields, and ``given``.
 
     Args:
@@ -79,7 +85,9 @@ def filled(config: type[Config], element: Element, notes: Notes, known: Collecti
         elif tag not in QUIET and tag not in known:
             near = difflib.get_close_matches(tag, hints, n=1)
             hint = f"; did you mean <{near[0]}>?" if near else ""
-            notes.add(f"<{tag}> of plugin lib{library_of(element)}.so is not supported and ignored{hint}")
+            notes.add(
+                f"<{tag}> of plugin lib{library_of(element)}.so is not supported and ignored{hint}"
+            )
     return config(**given)
 
 
@@ -114,7 +122,9 @@ def read_plugin(element: Element, names: Names, notes: Notes) -> list[Device]:
     return [reader(element, names, notes)]
 
 
-def _plain(kind: type[Any], element: Element, names: Names, notes: Notes, known: Collection[str] = ()) -> Any:
+def _plain(
+    kind: type[Any], element: Element, names: Names, notes: Notes, known: Collection[str] = ()
+) -> Any:
     """Reads a plugin whose elements are the fields of ``kind``; checks the link and joints that it names."""
     if "bodyName" in kind.__dataclass_fields__:
         names.check(element, "link", element.needed("bodyName").text)
@@ -130,11 +140,22 @@ def _drive(element: Element, names: Names, notes: Notes) -> DiffDrive:
 
 def _skid_steer(element: Element, names: Names, notes: Notes) -> DiffDrive:
     """Reads a four-wheel skid-steer drive; as in gazebo_ros, its odometry is the true pose."""
-    joints: dict[str, Any] = {f"{side}Joint": element.word(f"{side}FrontJoint", f"{side}FrontJoint") for side in SIDES}
+    joints: dict[str, Any] = {
+        f"{side}Joint": element.word(f"{side}FrontJoint", f"{side}FrontJoint") for side in SIDES
+    }
     joints |= {f"{side}RearJoint": (f"{side}RearJoint",) for side in SIDES}
-    known = {"leftFrontJoint", "rightFrontJoint", "broadcastTF", "covariance_x", "covariance_y", "covariance_yaw"}
+    known = {
+        "leftFrontJoint",
+        "rightFrontJoint",
+        "broadcastTF",
+        "covariance_x",
+        "covariance_y",
+        "covariance_yaw",
+    }
     drive = filled(DiffDrive, element, notes, known, **joints)
-    drive = dataclasses.replace(drive, publishOdomTF=element.flag("broadcastTF", True), odometrySource="world")
+    drive = dataclasses.replace(
+        drive, publishOdomTF=element.flag("broadcastTF", True), odometrySource="world"
+    )
     return _checked_drive(element, names, drive)
 
 
@@ -162,12 +183,16 @@ def _check_positive(element: Element, device: Device, *names: str) -> None:
 def _base_driver(element: Element, names: Names, notes: Notes) -> BaseDriver:
     del names
     base = filled(BaseDriver, element, notes)
-    _check_positive(element, base, "updateRate", "capacity", "emptyVoltage", "resistance", "driveEfficiency")
+    _check_positive(
+        element, base, "updateRate", "capacity", "emptyVoltage", "resistance", "driveEfficiency"
+    )
     for name in ("idlePower", "rollingResistance", "windingLoss", "initialCharge"):
         if getattr(base, name) < 0:
             raise element.error(f"{name} must not be below 0, not {getattr(base, name):g}")
     if base.fullVoltage < base.emptyVoltage or base.initialCharge > 1 or base.driveEfficiency > 1:
-        raise element.error("fullVoltage must be emptyVoltage or more, initialCharge and driveEfficiency at most 1")
+        raise element.error(
+            "fullVoltage must be emptyVoltage or more, initialCharge and driveEfficiency at most 1"
+        )
     return base
 
 
@@ -183,14 +208,18 @@ def imu_of(element: Element, link: str, names: Names | None, notes: Notes) -> Im
     rate = element.number("updateRateHZ", element.number("updateRate", 0.0))
     given = {"bodyName": link, "frame": frame, "updateRate": rate}
     known = {"frameName", "frameId", "updateRateHZ", "serviceName", "initialOrientationAsReference"}
-    return dataclasses.replace(filled(Imu, element, notes, known, **given), bodyName=link, updateRate=rate)
+    return dataclasses.replace(
+        filled(Imu, element, notes, known, **given), bodyName=link, updateRate=rate
+    )
 
 
 _PLUGINS: dict[str, Callable[[Element, Names, Notes], Device]] = {
     "gazebo_ros_diff_drive": _drive,
     "gazebo_ros_skid_steer_drive": _skid_steer,
     "gazebo_ros_planar_move": partial(_plain, PlanarMove),
-    "gazebo_ros_control": partial(_plain, RosControl, known={"controlPeriod", "robotSimType", "legacyModeNS"}),
+    "gazebo_ros_control": partial(
+        _plain, RosControl, known={"controlPeriod", "robotSimType", "legacyModeNS"}
+    ),
     "gazebo_ros_imu": _imu,
     "hector_gazebo_ros_imu": _imu,
     "hector_gazebo_ros_gps": partial(_plain, Gps),

@@ -21,12 +21,16 @@ def content_of(path: str | Path) -> bytes:
         DescriptionError: it cannot be read, is not a regular file, or is too large.
     """
     try:
-        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+        with open(
+            path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)
+        ) as file:
             status = os.fstat(file.fileno())
             if not stat.S_ISREG(status.st_mode):
                 raise DescriptionError(f"{path}: is not a regular file")
             if status.st_size > LARGEST:
-                raise DescriptionError(f"{path}: {status.st_size >> 20} MiB exceed the limit of {LARGEST >> 20}")
+                raise DescriptionError(
+                    f"{path}: {status.st_size >> 20} MiB exceed the limit of {LARGEST >> 20}"
+                )
             return file.read(LARGEST)
     except OSError as error:
         raise DescriptionError(f"{path}: cannot be read: {error.strerror}") from None
@@ -45,7 +49,9 @@ def package_directory(name: str = PACKAGE) -> Path | None:
 
 def _directories(variable: str) -> list[Path]:
     """Returns the directories in an environment variable."""
-    return [Path(part).expanduser() for part in os.environ.get(variable, "").split(os.pathsep) if part]
+    return [
+        Path(part).expanduser() for part in os.environ.get(variable, "").split(os.pathsep) if part
+    ]
 
 
 def model_path() -> list[Path]:
@@ -73,7 +79,9 @@ def world_path(name: str) -> Path:
             if candidate.is_file():
                 return candidate.resolve()
     known = sorted(path.stem for folder in own for path in folder.glob("*.world"))
-    raise DescriptionError(f"no world {name!r}: give the path of a .world file or one of {', '.join(known) or 'none'}")
+    raise DescriptionError(
+        f"no world {name!r}: give the path of a .world file or one of {', '.join(known) or 'none'}"
+    )
 
 
 def map_path(world: Path) -> Path:
@@ -107,10 +115,14 @@ def file_of_uri(uri: str, relative_to: Path, models: Sequence[Path]) -> Path | N
         found = package_directory(package)
         candidates = [found / inside] if found else []
     elif scheme == "model":
-        candidates = [folder / rest for folder in (*models, relative_to.parent, relative_to.parent.parent)]
+        candidates = [
+            folder / rest for folder in (*models, relative_to.parent, relative_to.parent.parent)
+        ]
     elif scheme == "file":
         folders = (relative_to, *_directories("GAZEBO_RESOURCE_PATH"), *models, Path.cwd())
-        candidates = [folder / rest for folder in (*folders, *(folder.parent for folder in folders))]
+        candidates = [
+            folder / rest for folder in (*folders, *(folder.parent for folder in folders))
+        ]
     else:
         candidates = []
     return next((path for path in candidates if path.exists()), None)

@@ -6,10 +6,20 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pioneer_gazebo.core.error import DescriptionError
-from pioneer_gazebo.core.robot import Device, DiffDrive, JointStatePublisher, Limits, Robot, RosControl
+from pioneer_gazebo.core.robot import (
+    Device,
+    DiffDrive,
+    JointStatePublisher,
+    Limits,
+    Robot,
+    RosControl,
+)
 from pioneer_gazebo.core.world import Cylinder, Link, Model, Sphere
 
-DIFF_DRIVE, JOINT_STATES = "diff_drive_controller/DiffDriveController", "joint_state_controller/JointStateController"
+DIFF_DRIVE, JOINT_STATES = (
+    "diff_drive_controller/DiffDriveController",
+    "joint_state_controller/JointStateController",
+)
 WITHOUT_EFFECT = {
     "type", "pose_covariance_diagonal", "twist_covariance_diagonal", "velocity_rolling_window_size", "open_loop",
     "estimate_velocity_from_position", "allow_multiple_cmd_vel_publishers", "publish_cmd",
@@ -43,7 +53,9 @@ def controlled(owner: Robot | Model, parameters: Any) -> tuple[tuple[Device, ...
         elif isinstance(kind, str) and "controller" in kind:
             notes.append(f"controller {name} of type {kind} is not supported and ignored")
     if not any(isinstance(device, DiffDrive) for device in devices):
-        notes.append(f"libgazebo_ros_control.so drives nothing: load the YAML of a {DIFF_DRIVE} before spawning")
+        notes.append(
+            f"libgazebo_ros_control.so drives nothing: load the YAML of a {DIFF_DRIVE} before spawning"
+        )
     return tuple(devices), notes
 
 
@@ -60,7 +72,11 @@ class _Settings:
 
     def number(self, key: str, default: float, least: float = 1e-9) -> float:
         value = self.get(key, default)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value < math.inf:
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not least <= value < math.inf
+        ):
             bound = "" if least < 0 else " >= 0" if least == 0 else " > 0"
             got = "is missing and" if value is default else f"is {value!r} and"
             raise DescriptionError(f"{self.name}/{key} {got} must be a number{bound}")
@@ -68,12 +84,19 @@ class _Settings:
 
     def joints(self, key: str, known: Sequence[str]) -> tuple[str, ...]:
         value = self.get(key)
-        names = tuple(map(str, value)) if isinstance(value, list | tuple) else (str(value),) * (value is not None)
+        names = (
+            tuple(map(str, value))
+            if isinstance(value, list | tuple)
+            else (str(value),) * (value is not None)
+        )
         if not names:
             raise DescriptionError(f"{self.name}/{key} is missing")
         for name in names:
             if name not in known:
-                near = "".join(f"; did you mean {one!r}?" for one in difflib.get_close_matches(name, known, n=1))
+                near = "".join(
+                    f"; did you mean {one!r}?"
+                    for one in difflib.get_close_matches(name, known, n=1)
+                )
                 raise DescriptionError(f"{self.name}/{key}: unknown joint {name!r}{near}")
         return names
 
@@ -101,10 +124,14 @@ def _diff_drive(settings: _Settings, owner: Robot | Model) -> DiffDrive:
     joints = {joint.name: joint for joint in owner.joints}
     left, right = (settings.joints(f"{side}_wheel", tuple(joints)) for side in ("left", "right"))
     if len(left) != len(right):
-        raise DescriptionError(f"{settings.name}: as many left as right wheels are needed, not {left} and {right}")
+        raise DescriptionError(
+            f"{settings.name}: as many left as right wheels are needed, not {left} and {right}"
+        )
     links = {link.name: link for link in owner.links}
     wheels = [links[joints[side[0]].child] for side in (left, right)]
-    separation = settings.number("wheel_separation", math.dist(*(wheel.pose.position for wheel in wheels)))
+    separation = settings.number(
+        "wheel_separation", math.dist(*(wheel.pose.position for wheel in wheels))
+    )
     radius = settings.number("wheel_radius", _radius(wheels[0]))
     both = settings.number("wheel_radius_multiplier", 1.0)
     each = [settings.number(f"{side}_wheel_radius_multiplier", both) for side in ("left", "right")]
@@ -132,7 +159,9 @@ def _diff_drive(settings: _Settings, owner: Robot | Model) -> DiffDrive:
         turnLimits=settings.limits("angular", "z"),
     )
     if each[0] != each[1]:
-        settings.notes.append(f"{name}: wheels of different radius are not supported; their mean is taken")
+        settings.notes.append(
+            f"{name}: wheels of different radius are not supported; their mean is taken"
+        )
     settings.note_unread()
     return drive
 
@@ -140,4 +169,6 @@ def _diff_drive(settings: _Settings, owner: Robot | Model) -> DiffDrive:
 def _radius(wheel: Link) -> float:
     """Returns the radius of a wheel's cylinder or sphere, the default of ``wheel_radius``; NaN if it has neither."""
     shapes = (collision.shape for collision in wheel.collisions)
-    return next((shape.radius for shape in shapes if isinstance(shape, Cylinder | Sphere)), math.nan)
+    return next(
+        (shape.radius for shape in shapes if isinstance(shape, Cylinder | Sphere)), math.nan
+    )

@@ -23,7 +23,15 @@ WORLD_QUIET = {
     "light", "scene", "gui", "physics", "audio", "wind", "atmosphere", "magnetic_field", "spherical_coordinates",
     "gravity", "state", "frame",
 }  # fmt: skip
-MODEL_QUIET = {"pose", "static", "plugin", "self_collide", "allow_auto_disable", "enable_wind", "frame"}
+MODEL_QUIET = {
+    "pose",
+    "static",
+    "plugin",
+    "self_collide",
+    "allow_auto_disable",
+    "enable_wind",
+    "frame",
+}
 
 _GROUND = Plane((0.0, 0.0, 1.0), (100.0, 100.0))
 GROUND_PLANE = Model(
@@ -50,7 +58,9 @@ def world_from_sdf(path: str | Path, model_path: Sequence[str | Path] = ()) -> W
     Raises:
         DescriptionError: the file cannot be read, or is not a world.
     """
-    return world_from_sdf_text(content_of(path), model_path, str(path), Path(path).resolve().parent, tolerant=True)
+    return world_from_sdf_text(
+        content_of(path), model_path, str(path), Path(path).resolve().parent, tolerant=True
+    )
 
 
 def world_from_sdf_text(
@@ -113,7 +123,9 @@ def _world(element: Element, scope: Scope) -> World:
         with scope.leaving_out():
             placed.append(_posed_by_frames(model, element, frames))
     states = {
-        state.attribute("name"): state for parent in element.children("state") for state in parent.children("model")
+        state.attribute("name"): state
+        for parent in element.children("state")
+        for state in parent.children("model")
     }
     moved = tuple(_moved_by_state(model, states.get(model.name)) for model in placed)
     world = World(element.attribute("name", "default"), moved, _gravity(element))
@@ -147,7 +159,9 @@ def _without_planes(model: Model, scope: Scope) -> Model:
     for link in model.links:
         kept = tuple(one for one in link.collisions if not isinstance(one.shape, Plane))
         if len(kept) < len(link.collisions):
-            scope.notes.add(f"a plane in model {model.name}, which is not static, is not supported and left out")
+            scope.notes.add(
+                f"a plane in model {model.name}, which is not static, is not supported and left out"
+            )
         links.append(dataclasses.replace(link, collisions=kept))
     return dataclasses.replace(model, links=tuple(links))
 
@@ -187,7 +201,9 @@ def _moved_by_state(model: Model, state: Element | None) -> Model:
             poses[element.attribute("name")] = pose.inverse().compose(element.placed())
     if model.joints:
         return dataclasses.replace(model, pose=pose)
-    links = tuple(dataclasses.replace(link, pose=poses.get(link.name, link.pose)) for link in model.links)
+    links = tuple(
+        dataclasses.replace(link, pose=poses.get(link.name, link.pose)) for link in model.links
+    )
     return dataclasses.replace(model, pose=pose, links=links)
 
 
@@ -213,9 +229,17 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
         elif child.tag == "joint":
             continue
         elif child.tag in ("model", "include"):
-            nested = _model(child, scope, depth) if child.tag == "model" else _include(child, frames, scope, depth)
+            nested = (
+                _model(child, scope, depth)
+                if child.tag == "model"
+                else _include(child, frames, scope, depth)
+            )
             if nested is not None:
-                nested = dataclasses.replace(nested, pose=frames.pose(child)) if child.tag == "model" else nested
+                nested = (
+                    dataclasses.replace(nested, pose=frames.pose(child))
+                    if child.tag == "model"
+                    else nested
+                )
                 # Like sdformat, merges all content of a nested model, except its pose, into the outer model.
                 static = static or nested.static
                 inner = _flattened(nested)
@@ -231,14 +255,22 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
             joints.append(joint_from_sdf(child, poses, frames, scope))
     tree, closing = tree_of(poses, joints) if joints else ((), ())
     for joint in closing:
-        scope.notes.add(f"joint {joint} of model {name} closes a kinematic loop, which is not supported; it is ignored")
-    devices += _devices(element, [link.name for link in links], [joint.name for joint in joints], scope)
+        scope.notes.add(
+            f"joint {joint} of model {name} closes a kinematic loop, which is not supported; it is ignored"
+        )
+    devices += _devices(
+        element, [link.name for link in links], [joint.name for joint in joints], scope
+    )
     for plugin in element.children("plugin"):
         namespace = namespace or plugin.word("robotNamespace", "").strip("/")
     if static and devices:
-        scope.notes.add(f"sensors and plugins of model {name}, which is static, are not supported and ignored")
+        scope.notes.add(
+            f"sensors and plugins of model {name}, which is static, are not supported and ignored"
+        )
         devices = []
-    return Model(name, element.placed(), static, tuple(links), None, tree, tuple(devices), namespace)
+    return Model(
+        name, element.placed(), static, tuple(links), None, tree, tuple(devices), namespace
+    )
 
 
 def _devices(element: Element, links: list[str], joints: list[str], scope: Scope) -> list[Device]:
@@ -254,7 +286,15 @@ def _devices(element: Element, links: list[str], joints: list[str], scope: Scope
     return devices
 
 
-NAMING = ("link", "bodyName", "leftJoint", "rightJoint", "leftRearJoint", "rightRearJoint", "jointName")
+NAMING = (
+    "link",
+    "bodyName",
+    "leftJoint",
+    "rightJoint",
+    "leftRearJoint",
+    "rightRearJoint",
+    "jointName",
+)
 """Fields of devices that hold link or joint names."""
 
 
@@ -265,7 +305,8 @@ def _flattened(nested: Model) -> Model:
         return name if name == WORLD else f"{nested.name}::{name}"
 
     links = [
-        dataclasses.replace(link, name=outer(link.name), pose=nested.pose.compose(link.pose)) for link in nested.links
+        dataclasses.replace(link, name=outer(link.name), pose=nested.pose.compose(link.pose))
+        for link in nested.links
     ]
     joints = [
         dataclasses.replace(
@@ -280,16 +321,23 @@ def _flattened(nested: Model) -> Model:
     devices = []
     for device in nested.devices:
         given = {name: getattr(device, name) for name in NAMING if hasattr(device, name)}
-        named = {key: tuple(map(outer, at)) if isinstance(at, tuple) else outer(at) for key, at in given.items()}
+        named = {
+            key: tuple(map(outer, at)) if isinstance(at, tuple) else outer(at)
+            for key, at in given.items()
+        }
         devices.append(dataclasses.replace(device, **named))
-    return dataclasses.replace(nested, links=tuple(links), joints=tuple(joints), devices=tuple(devices))
+    return dataclasses.replace(
+        nested, links=tuple(links), joints=tuple(joints), devices=tuple(devices)
+    )
 
 
 def _include(element: Element, frames: Frames, scope: Scope, depth: int) -> Model | None:
     """Returns the model of an ``<include>``; None if it has no body or, with a note, if it is not found."""
     uri = element.needed("uri")
     if depth >= DEEPEST_INCLUDE:
-        raise element.error(f"includes are nested deeper than {DEEPEST_INCLUDE}: does {uri.text} include itself?")
+        raise element.error(
+            f"includes are nested deeper than {DEEPEST_INCLUDE}: does {uri.text} include itself?"
+        )
     path = file_of_uri(uri.text, scope.directory, scope.models)
     if path is not None:
         model = _model_from_directory(path, uri, scope, depth + 1)
@@ -305,7 +353,9 @@ def _include(element: Element, frames: Frames, scope: Scope, depth: int) -> Mode
 def _overridden(model: Model, include: Element, frames: Frames) -> Model:
     pose = include.child("pose")
     if model.script is not None and pose is not None and pose.text:
-        return dataclasses.replace(model.moved(frames.pose(include)), name=include.word("name", model.name))
+        return dataclasses.replace(
+            model.moved(frames.pose(include)), name=include.word("name", model.name)
+        )
     return dataclasses.replace(
         model,
         name=include.word("name", model.name),
@@ -332,7 +382,11 @@ def _model_file(directory: Path, notes: Notes) -> Path:
     if not manifest.is_file():
         return directory / "model.sdf"
     named = list(Element.from_text(content_of(manifest), str(manifest), notes).children("sdf"))
-    known = [element for element in named if element.attribute("version", VERSIONS[0]) in VERSIONS] or named
+    known = [
+        element for element in named if element.attribute("version", VERSIONS[0]) in VERSIONS
+    ] or named
     if not known:
         return directory / "model.sdf"
-    return directory / max(known, key=lambda element: element.attribute("version", VERSIONS[0])).text
+    return (
+        directory / max(known, key=lambda element: element.attribute("version", VERSIONS[0])).text
+    )

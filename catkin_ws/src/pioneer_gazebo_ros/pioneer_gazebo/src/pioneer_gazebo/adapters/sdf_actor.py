@@ -5,9 +5,29 @@ import itertools
 from pioneer_gazebo.adapters.element import Element
 from pioneer_gazebo.adapters.sdf_link import Scope, link_from_sdf
 from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.world import Collision, Cylinder, Link, Model, Script, Trajectory, Visual, Waypoint
+from pioneer_gazebo.core.world import (
+    Collision,
+    Cylinder,
+    Link,
+    Model,
+    Script,
+    Trajectory,
+    Visual,
+    Waypoint,
+)
 
-QUIET = {"pose", "static", "skin", "animation", "script", "link", "joint", "frame", "self_collide", "enable_wind"}
+QUIET = {
+    "pose",
+    "static",
+    "skin",
+    "animation",
+    "script",
+    "link",
+    "joint",
+    "frame",
+    "self_collide",
+    "enable_wind",
+}
 SCRIPT_QUIET = {"loop", "delay_start", "auto_start", "trajectory"}
 
 PERSON_RADIUS, PERSON_HEIGHT = 0.25, 1.8
@@ -52,7 +72,9 @@ def _script(actor: Element, scope: Scope) -> Script:
     delay = element.number("delay_start", 0.0)
     if delay < 0:
         raise element.needed("delay_start").error(f"must not be below 0, not {delay:g}")
-    return Script(trajectories, home, element.flag("loop", True), delay, element.flag("auto_start", True))
+    return Script(
+        trajectories, home, element.flag("loop", True), delay, element.flag("auto_start", True)
+    )
 
 
 def _trajectory(element: Element) -> Trajectory:

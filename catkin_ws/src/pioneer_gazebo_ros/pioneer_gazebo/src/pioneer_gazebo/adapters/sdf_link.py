@@ -111,7 +111,11 @@ def link_from_sdf(element: Element, pose: Pose, scope: Scope) -> Link:
                 if shape is not None and child.tag == "collision":
                     collisions.append(_collision(child, shape))
                 elif shape is not None:
-                    visuals.append(Visual(child.attribute("name", "visual"), child.placed(), shape, _colour(child)))
+                    visuals.append(
+                        Visual(
+                            child.attribute("name", "visual"), child.placed(), shape, _colour(child)
+                        )
+                    )
         elif child.tag not in QUIET | {"inertial"}:
             scope.notes.add(f"<{child.tag}> in a world's link is not supported and left out")
     return Link(element.attribute("name"), pose, mass, inertia, tuple(collisions), tuple(visuals))
@@ -123,7 +127,9 @@ def _note_foreign_frames(link: Element, scope: Scope) -> None:
         pose = child.child("pose")
         frame = "" if pose is None else pose.attribute("relative_to", pose.attribute("frame", ""))
         if frame not in ("", link.attribute("name", "")):
-            scope.notes.add(f"the frame of a <pose> in <{child.tag}> is not supported: the link's is taken")
+            scope.notes.add(
+                f"the frame of a <pose> in <{child.tag}> is not supported: the link's is taken"
+            )
 
 
 def _inertial(element: Element | None, notes: Notes) -> tuple[float, Inertia]:
@@ -141,7 +147,10 @@ def _inertial(element: Element | None, notes: Notes) -> tuple[float, Inertia]:
     ixx, iyy, izz = (moments.number(tag, 1.0) for tag in ("ixx", "iyy", "izz"))
     if min(ixx, iyy, izz) <= 0:
         moment = mass * RADIUS_OF_GYRATION**2
-        moments.note(notes, f"ixx, iyy, izz must be > 0 (got {ixx:g}, {iyy:g}, {izz:g}); {moment:g} kg m² is taken")
+        moments.note(
+            notes,
+            f"ixx, iyy, izz must be > 0 (got {ixx:g}, {iyy:g}, {izz:g}); {moment:g} kg m² is taken",
+        )
         return mass, Inertia(moment, moment, moment, pose=pose)
     ixy, ixz, iyz = (moments.number(tag, 0.0) for tag in ("ixy", "ixz", "iyz"))
     return mass, Inertia(ixx, iyy, izz, ixy, ixz, iyz, pose)
@@ -261,7 +270,9 @@ UNLIMITED = 1e15
 """SDF writes ±1e16 for no limit."""
 
 
-def joint_from_sdf(element: Element, links: Mapping[str, Pose], frames: Frames, scope: Scope) -> Joint:
+def joint_from_sdf(
+    element: Element, links: Mapping[str, Pose], frames: Frames, scope: Scope
+) -> Joint:
     """Returns the joint of a ``<joint>`` element; an unsupported type becomes a fixed joint, with a note.
 
     Args:
@@ -280,7 +291,9 @@ def joint_from_sdf(element: Element, links: Mapping[str, Pose], frames: Frames, 
         if end not in poses:
             raise element.error(f"there is no link {end!r}")
     if kind not in KINDS:
-        scope.notes.add(f"joint type {kind!r} is not supported: the links it connects are held together")
+        scope.notes.add(
+            f"joint type {kind!r} is not supported: the links it connects are held together"
+        )
         kind = FIXED
     parent, child = ends
     own = element.child("pose")
@@ -323,7 +336,9 @@ def _axis(element: Element, joint: Pose, frames: Frames, owner: Element) -> Vect
     xyz = element.child("xyz")
     vector = (0.0, 0.0, 1.0) if xyz is None else xyz.direction()
     named = "" if xyz is None else xyz.attribute("expressed_in", "")
-    of_model = element.flag("use_parent_model_frame") or owner.version() == "1.4" or named == "__model__"
+    of_model = (
+        element.flag("use_parent_model_frame") or owner.version() == "1.4" or named == "__model__"
+    )
     if named and not of_model:
         vector = rotated(frames.named(named, owner).rotation, vector)
     if named or of_model:

@@ -3,7 +3,18 @@
 from xml.sax.saxutils import quoteattr
 
 from pioneer_gazebo.core.pose import IDENTITY, Pose
-from pioneer_gazebo.core.world import Box, Colour, Cylinder, Link, Mesh, Model, Plane, Shape, Sphere, World
+from pioneer_gazebo.core.world import (
+    Box,
+    Colour,
+    Cylinder,
+    Link,
+    Mesh,
+    Model,
+    Plane,
+    Shape,
+    Sphere,
+    World,
+)
 
 _HEAD = """<?xml version="1.0"?>
 <sdf version="1.6">
@@ -41,7 +52,9 @@ def _link(link: Link) -> str:
     lines = [f"      <link name={quoteattr(link.name)}>{_pose(link.pose)}"]
     for collision in link.collisions:
         name = quoteattr(collision.name)
-        lines.append(f"        <collision name={name}>{_pose(collision.pose)}{_geometry(collision.shape)}</collision>")
+        lines.append(
+            f"        <collision name={name}>{_pose(collision.pose)}{_geometry(collision.shape)}</collision>"
+        )
     for visual in link.visuals:
         body = _pose(visual.pose) + _geometry(visual.shape) + _material(visual.colour)
         lines.append(f"        <visual name={quoteattr(visual.name)}>{body}</visual>")
@@ -65,6 +78,8 @@ def _shape(shape: Shape) -> str:
         case Sphere(radius=radius):
             return f"<sphere><radius>{_numbers(radius)}</radius></sphere>"
         case Plane(normal=normal, size=size):
-            return f"<plane><normal>{_numbers(*normal)}</normal><size>{_numbers(*size)}</size></plane>"
+            return (
+                f"<plane><normal>{_numbers(*normal)}</normal><size>{_numbers(*size)}</size></plane>"
+            )
         case Mesh(path=path, scale=scale):
             return f"<mesh><uri>file://{path}</uri><scale>{_numbers(*scale)}</scale></mesh>"

@@ -7,7 +7,18 @@ from pioneer_gazebo.adapters.element import Element, Notes
 from pioneer_gazebo.adapters.plugin import imu_of, library_of, note_unread
 from pioneer_gazebo.core.robot import Bumper, Camera, Device, LaserSensor, SonarSensor
 
-QUIET = {"pose", "ray", "camera", "contact", "plugin", "update_rate", "visualize", "always_on", "topic", "imu"}
+QUIET = {
+    "pose",
+    "ray",
+    "camera",
+    "contact",
+    "plugin",
+    "update_rate",
+    "visualize",
+    "always_on",
+    "topic",
+    "imu",
+}
 IMU_PLUGINS = ("gazebo_ros_imu_sensor", "gazebo_ros_imu")
 READ = {
     "topicName", "frameName", "updateRate", "fov", "radiation", "gaussianNoise", "cameraName", "imageTopicName",
@@ -31,10 +42,16 @@ def read_sensor(element: Element, link: str, notes: Notes) -> list[Device]:
         if child.tag not in QUIET:
             notes.add(f"<{child.tag}> in <sensor> is not supported and ignored")
     plugin = element.child("plugin")
-    if element.attribute("type", "") == "imu" and plugin is not None and library_of(plugin) in IMU_PLUGINS:
+    if (
+        element.attribute("type", "") == "imu"
+        and plugin is not None
+        and library_of(plugin) in IMU_PLUGINS
+    ):
         return [imu_of(plugin, link, None, notes)]
     if plugin is None:
-        notes.add(f"sensor {element.attribute('name')!r} is ignored: it has no plugin that would publish it")
+        notes.add(
+            f"sensor {element.attribute('name')!r} is ignored: it has no plugin that would publish it"
+        )
         return []
     reader = _SENSORS.get(library_of(plugin))
     if reader is None:
@@ -120,7 +137,9 @@ def _camera(element: Element, plugin: Element, link: str) -> Camera:
         raise image.error(f"width and height must be 1 or more, not {width} and {height}")
     pixels = image.word("format", "R8G8B8")
     if pixels not in PIXEL_FORMATS:
-        raise image.needed("format").error(f"must be one of {', '.join(PIXEL_FORMATS)}, not {pixels!r}")
+        raise image.needed("format").error(
+            f"must be one of {', '.join(PIXEL_FORMATS)}, not {pixels!r}"
+        )
     return Camera(
         name=plugin.word("cameraName", common["name"]),
         link=link,

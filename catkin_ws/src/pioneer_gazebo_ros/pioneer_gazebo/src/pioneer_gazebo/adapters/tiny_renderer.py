@@ -40,7 +40,11 @@ class TinyRenderer:
         pybullet.disconnect(self._client)
 
     def picture(
-        self, camera: Camera, eye: Pose, standing: Iterable[Model], moving: Iterable[tuple[Entity, list[Pose]]]
+        self,
+        camera: Camera,
+        eye: Pose,
+        standing: Iterable[Model],
+        moving: Iterable[tuple[Entity, list[Pose]]],
     ) -> tuple[Picture, Depth]:
         """Returns the image and depth seen by ``camera`` from ``eye``, looking along x.
 
@@ -53,9 +57,13 @@ class TinyRenderer:
         self._show_standing(tuple(standing))
         self._show_moving(dict(moving))
         ahead = eye.transform((1.0, 0.0, 0.0))
-        view = pybullet.computeViewMatrix(eye.position, ahead, rotated(eye.rotation, (0.0, 0.0, 1.0)))
+        view = pybullet.computeViewMatrix(
+            eye.position, ahead, rotated(eye.rotation, (0.0, 0.0, 1.0))
+        )
         opening = math.degrees(vertical_fov(camera))
-        lens = pybullet.computeProjectionMatrixFOV(opening, camera.width / camera.height, camera.near, camera.far)
+        lens = pybullet.computeProjectionMatrixFOV(
+            opening, camera.width / camera.height, camera.near, camera.far
+        )
         _, _, colours, depths, _ = pybullet.getCameraImage(
             camera.width, camera.height, view, lens, lightDirection=LIGHT, shadow=0,
             renderer=pybullet.ER_TINY_RENDERER, flags=pybullet.ER_NO_SEGMENTATION_MASK, physicsClientId=self._client,
@@ -105,15 +113,23 @@ class TinyRenderer:
         )  # fmt: skip
 
     def _shape(self, shape: Shape, colour: tuple[float, float, float, float]) -> int:
-        look = {"rgbaColor": colour, "specularColor": (0.0, 0.0, 0.0), "physicsClientId": self._client}
+        look = {
+            "rgbaColor": colour,
+            "specularColor": (0.0, 0.0, 0.0),
+            "physicsClientId": self._client,
+        }
         match shape:
             case Box(size=size):
                 x, y, z = size
-                return pybullet.createVisualShape(pybullet.GEOM_BOX, halfExtents=(x / 2, y / 2, z / 2), **look)
+                return pybullet.createVisualShape(
+                    pybullet.GEOM_BOX, halfExtents=(x / 2, y / 2, z / 2), **look
+                )
             case Sphere(radius=radius):
                 return pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=radius, **look)
             case Cylinder(radius=radius, length=length):
-                return pybullet.createVisualShape(pybullet.GEOM_CYLINDER, radius=radius, length=length, **look)
+                return pybullet.createVisualShape(
+                    pybullet.GEOM_CYLINDER, radius=radius, length=length, **look
+                )
             case Plane(size=extent):
                 x, y = extent
                 return pybullet.createVisualShape(
@@ -121,7 +137,12 @@ class TinyRenderer:
                     visualFramePosition=(0.0, 0.0, -PLANE_THICKNESS / 2), **look,
                 )  # fmt: skip
             case Mesh():
-                corners, index = np.unique(self._triangles(shape).reshape(-1, 3), axis=0, return_inverse=True)
+                corners, index = np.unique(
+                    self._triangles(shape).reshape(-1, 3), axis=0, return_inverse=True
+                )
                 return pybullet.createVisualShape(
-                    pybullet.GEOM_MESH, vertices=corners.tolist(), indices=index.ravel().tolist(), **look
+                    pybullet.GEOM_MESH,
+                    vertices=corners.tolist(),
+                    indices=index.ravel().tolist(),
+                    **look,
                 )

@@ -13,12 +13,33 @@ from pioneer_gazebo.core import joint as kinds
 from pioneer_gazebo.core.joint import Joint
 from pioneer_gazebo.core.pose import IDENTITY, Pose
 from pioneer_gazebo.core.robot import Device, Robot
-from pioneer_gazebo.core.world import Box, Collision, Colour, Cylinder, Inertia, Link, Mesh, Shape, Sphere, Visual
+from pioneer_gazebo.core.world import (
+    Box,
+    Collision,
+    Colour,
+    Cylinder,
+    Inertia,
+    Link,
+    Mesh,
+    Shape,
+    Sphere,
+    Visual,
+)
 
 KINDS = (kinds.FIXED, kinds.CONTINUOUS, kinds.REVOLUTE, kinds.PRISMATIC, kinds.FLOATING)
 ROBOT_QUIET = {"material", "link", "joint", "gazebo", "transmission"}
 XACRO = "{http://www.ros.org/wiki/xacro}"
-SURFACE_QUIET = {"mu2", "kp", "kd", "fdir1", "minDepth", "maxVel", "maxContacts", "selfCollide", "laserRetro"}
+SURFACE_QUIET = {
+    "mu2",
+    "kp",
+    "kd",
+    "fdir1",
+    "minDepth",
+    "maxVel",
+    "maxContacts",
+    "selfCollide",
+    "laserRetro",
+}
 
 
 @dataclass(frozen=True)
@@ -63,7 +84,10 @@ def robot_from_urdf(text: str | bytes, source: str = "robot_description") -> Rob
             notes.add(f"<{child.tag}> in <robot> is not supported and left out")
     materials = {m.attribute("name"): _rgba(m) for m in root.children("material")}
     extensions = read_extensions(root, notes)
-    links = {link.name: link for link in (_link(e, materials, extensions, notes) for e in root.children("link"))}
+    links = {
+        link.name: link
+        for link in (_link(e, materials, extensions, notes) for e in root.children("link"))
+    }
     for kind in ("link", "joint"):
         _names_used_once(root, kind)
     joints = tuple(_joint(element, links) for element in root.children("joint"))
@@ -103,7 +127,9 @@ def _value(element: Element, name: str, default: float | None = None) -> float:
     return element.numbers(1, text, name)[0]
 
 
-def _link(element: Element, materials: dict[str, Colour], extensions: Extensions, notes: Notes) -> Link:
+def _link(
+    element: Element, materials: dict[str, Colour], extensions: Extensions, notes: Notes
+) -> Link:
     name = element.attribute("name")
     mass, inertia = _inertial(element.child("inertial"), notes)
     surface = extensions.surfaces.get(name, Surface())
@@ -118,7 +144,11 @@ def _link(element: Element, materials: dict[str, Colour], extensions: Extensions
         shape = _shape(child, notes)
         if shape is not None:
             colour = surface.colour or _colour(child, materials)
-            visuals.append(Visual(child.attribute("name", f"{name}_visual_{index}"), _origin(child), shape, colour))
+            visuals.append(
+                Visual(
+                    child.attribute("name", f"{name}_visual_{index}"), _origin(child), shape, colour
+                )
+            )
     return Link(name, IDENTITY, mass, inertia, tuple(collisions), tuple(visuals))
 
 
@@ -129,13 +159,21 @@ def _inertial(element: Element | None, notes: Notes) -> tuple[float, Inertia]:
         return frame
     mass = _value(element.needed("mass"), "value")
     moments = element.child("inertia")
-    values = [0.0] * 3 if moments is None else [_value(moments, name, 0.0) for name in ("ixx", "iyy", "izz")]
+    values = (
+        [0.0] * 3
+        if moments is None
+        else [_value(moments, name, 0.0) for name in ("ixx", "iyy", "izz")]
+    )
     if mass <= 0:
-        element.needed("mass").note(notes, f"value must be > 0 (got {mass:g}); the link has no mass")
+        element.needed("mass").note(
+            notes, f"value must be > 0 (got {mass:g}); the link has no mass"
+        )
         return frame
     if moments is None or min(values) <= 0:
         moment = mass * RADIUS_OF_GYRATION**2
-        element.note(notes, f"ixx, iyy and izz must be > 0 (got {values}); {moment:g} kg m² is taken")
+        element.note(
+            notes, f"ixx, iyy and izz must be > 0 (got {values}); {moment:g} kg m² is taken"
+        )
         return mass, Inertia(moment, moment, moment, pose=_origin(element))
     ixx, iyy, izz = values
     ixy, ixz, iyz = (_value(moments, name, 0.0) for name in ("ixy", "ixz", "iyz"))
@@ -216,7 +254,9 @@ def _joint(element: Element, links: dict[str, Link]) -> Joint:
     )
 
 
-def _poses_in_root(root: Element, links: dict[str, Link], joints: tuple[Joint, ...]) -> dict[str, Pose]:
+def _poses_in_root(
+    root: Element, links: dict[str, Link], joints: tuple[Joint, ...]
+) -> dict[str, Pose]:
     """Returns each link's pose in the root link; raises if the joints do not form a single tree of all links."""
     by_child: dict[str, Joint] = {}
     for joint in joints:
@@ -227,13 +267,17 @@ def _poses_in_root(root: Element, links: dict[str, Link], joints: tuple[Joint, .
         by_child[joint.child] = joint
     roots = [name for name in links if name not in by_child]
     if len(roots) != 1:
-        raise root.error(f"must have exactly one root link, found {len(roots)}: {', '.join(roots[:5]) or 'none'}")
+        raise root.error(
+            f"must have exactly one root link, found {len(roots)}: {', '.join(roots[:5]) or 'none'}"
+        )
     poses = {roots[0]: IDENTITY}
     pending = list(joints)
     while pending:
         ready = [joint for joint in pending if joint.parent in poses]
         if not ready:
-            raise root.error(f"joints form a loop: {', '.join(joint.name for joint in pending[:5])}")
+            raise root.error(
+                f"joints form a loop: {', '.join(joint.name for joint in pending[:5])}"
+            )
         for joint in ready:
             poses[joint.child] = poses[joint.parent].compose(joint.pose)
             pending.remove(joint)
@@ -247,7 +291,12 @@ def read_extensions(root: Element, notes: Notes) -> Extensions:
         DescriptionError: a value is invalid, or the robot has no link or joint of a given name.
     """
     extensions = Extensions()
-    names = Names(*({element.attribute("name") for element in root.children(tag)} for tag in ("link", "joint")))
+    names = Names(
+        *(
+            {element.attribute("name") for element in root.children(tag)}
+            for tag in ("link", "joint")
+        )
+    )
     for element in root.children("gazebo"):
         reference = element.attribute("reference", "")
         if reference:
@@ -259,7 +308,9 @@ def read_extensions(root: Element, notes: Notes) -> Extensions:
     return extensions
 
 
-def _read_reference(element: Element, link: str, extensions: Extensions, names: Names, notes: Notes) -> None:
+def _read_reference(
+    element: Element, link: str, extensions: Extensions, names: Names, notes: Notes
+) -> None:
     surface = extensions.surfaces.get(link, Surface())
     for child in element.children():
         if child.tag == "sensor":
@@ -285,6 +336,8 @@ def _read_model(element: Element, extensions: Extensions, names: Names, notes: N
             extensions.static = child.truth(_said(child))
         elif child.tag == "plugin":
             extensions.devices += read_plugin(child, names, notes)
-            extensions.namespace = extensions.namespace or child.word("robotNamespace", "").strip("/")
+            extensions.namespace = extensions.namespace or child.word("robotNamespace", "").strip(
+                "/"
+            )
         else:
             notes.add(f"<{child.tag}> in <gazebo> is not supported and ignored")

@@ -91,7 +91,9 @@ class Wrenches:
     def clear(self, entity: Entity | None = None, part: int | None = None) -> None:
         """Ends all wrenches, those on an entity, or those on one of its parts."""
         self._wrenches = [
-            one for one in self._wrenches if not (entity in (None, one.entity) and part in (None, one.part))
+            one
+            for one in self._wrenches
+            if not (entity in (None, one.entity) and part in (None, one.part))
         ]
 
     def push(self, tick: int) -> None:

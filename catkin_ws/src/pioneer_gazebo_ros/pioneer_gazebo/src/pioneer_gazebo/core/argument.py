@@ -45,7 +45,9 @@ def options_from_arguments(
         if name.startswith("__"):
             continue
         if not separator:
-            raise ArgumentError(f"{word!r} is not of the form name:=value; names are {', '.join(hints)}")
+            raise ArgumentError(
+                f"{word!r} is not of the form name:=value; names are {', '.join(hints)}"
+            )
         if name not in hints:
             raise ArgumentError(f"unknown argument {name!r}; {nearest(name, hints)}")
         values[name] = value_from_text(hints[name], text, name)
@@ -65,14 +67,20 @@ def value_from_text(kind: type, text: str, name: str) -> Any:
     try:
         return kind(text)
     except ValueError:
-        raise ArgumentError(f"{name} must be {'a whole number' if kind is int else 'a number'}, not {text!r}") from None
+        raise ArgumentError(
+            f"{name} must be {'a whole number' if kind is int else 'a number'}, not {text!r}"
+        ) from None
 
 
 def usage(options: type) -> str:
     """Returns one line per field: its name, meaning, environment variable and default."""
     lines = []
     for field in dataclasses.fields(options):
-        variable = f"; environment: {field.metadata['variable']}" if field.metadata["variable"] else ""
-        default = "" if field.default in (dataclasses.MISSING, "") else f" (default {field.default})"
+        variable = (
+            f"; environment: {field.metadata['variable']}" if field.metadata["variable"] else ""
+        )
+        default = (
+            "" if field.default in (dataclasses.MISSING, "") else f" (default {field.default})"
+        )
         lines.append(f"  {field.name}:=…  {field.metadata['doc']}{variable}{default}")
     return "\n".join(lines)

@@ -43,7 +43,9 @@ class Battery:
         """Discharges the battery by the consumption over ``seconds``; an empty battery stays empty."""
         power = self.config.idlePower + sum(self._motor_power(wheel) for wheel in wheels)
         self.voltage, self.current = self._under(power)
-        self.charge = max(0.0, self.charge - self.current * seconds / (3600.0 * self.config.capacity))
+        self.charge = max(
+            0.0, self.charge - self.current * seconds / (3600.0 * self.config.capacity)
+        )
 
     def _motor_power(self, wheel: Wheel) -> float:
         """Returns a motor's consumption [W], including rolling resistance, which the engine's balls do not have."""
@@ -55,7 +57,9 @@ class Battery:
     def _under(self, power: float) -> tuple[float, float]:
         """Returns voltage [V] and current [A] under a load [W], limited to the battery's maximum power."""
         config = self.config
-        open_voltage = config.emptyVoltage + self.charge * (config.fullVoltage - config.emptyVoltage)
+        open_voltage = config.emptyVoltage + self.charge * (
+            config.fullVoltage - config.emptyVoltage
+        )
         root = math.sqrt(max(0.0, open_voltage**2 - 4.0 * config.resistance * power))
         voltage = (open_voltage + root) / 2
         return voltage, (open_voltage - voltage) / config.resistance
@@ -87,7 +91,9 @@ def wheels_of(simulation: Simulation, entity: Entity) -> list[Wheel]:
         radius = driven.drive.config.wheelDiameter / 2
         states = simulation.joints(entity, driven.parts)
         efforts = simulation.efforts(entity, driven.parts)
-        wheels += [Wheel(effort, rate, radius) for (_, rate), effort in zip(states, efforts, strict=True)]
+        wheels += [
+            Wheel(effort, rate, radius) for (_, rate), effort in zip(states, efforts, strict=True)
+        ]
     return wheels
 
 

@@ -16,7 +16,19 @@ from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
 from pioneer_gazebo.core.robot import DiffDrive, PlanarMove, Robot
 from pioneer_gazebo.core.section import Triangles
 from pioneer_gazebo.core.wheel import Touch, as_balls, is_wheel
-from pioneer_gazebo.core.world import Box, Collision, Cylinder, Inertia, Link, Mesh, Model, Plane, Shape, Sphere, Visual
+from pioneer_gazebo.core.world import (
+    Box,
+    Collision,
+    Cylinder,
+    Inertia,
+    Link,
+    Mesh,
+    Model,
+    Plane,
+    Shape,
+    Sphere,
+    Visual,
+)
 
 LEAST_MASS = 1e-3
 """Minimum mass [kg], also given to lighter parts: no solver works with zero mass."""
@@ -36,11 +48,15 @@ class Part:
 
     name: str  #: name of its first link
     parent: int  #: index of the parent part; -1 for the base
-    joint: Joint | None  #: the joint to its parent, with its pose in the parent part's frame; None for the base
+    joint: (
+        Joint | None
+    )  #: the joint to its parent, with its pose in the parent part's frame; None for the base
     mass: float  #: [kg]; 0 for a fixed base
     inertia: Inertia  #: principal moments; the pose is that of the centre of mass and the principal axes in the part
     touches: tuple[Touch, ...]  #: collision shapes
-    frames: tuple[tuple[str, Pose], ...]  #: (link name, pose in the part) of every link merged into it
+    frames: tuple[
+        tuple[str, Pose], ...
+    ]  #: (link name, pose in the part) of every link merged into it
     visuals: tuple[Visual, ...] = ()  #: shapes seen by cameras; poses are in the part's frame
 
 
@@ -68,7 +84,9 @@ class Body:
         """Returns the pose of each part's frame with the base at ``base`` and all joints at 0."""
         frames: list[Pose] = []
         for part in self.parts:
-            frames.append(base if part.joint is None else frames[part.parent].compose(part.joint.pose))
+            frames.append(
+                base if part.joint is None else frames[part.parent].compose(part.joint.pose)
+            )
         return frames
 
     def placed(self, base: Pose = IDENTITY) -> Iterator[tuple[Touch, Pose]]:
@@ -118,7 +136,12 @@ def body_from_robot(robot: Robot, triangles: Triangles) -> Body:
     if robot.of(PlanarMove):
         # Without friction, wheels do not resist a planar-move base.
         parts = tuple(
-            replace(part, touches=tuple(replace(t, collision=replace(t.collision, friction=0.0)) for t in part.touches))
+            replace(
+                part,
+                touches=tuple(
+                    replace(t, collision=replace(t.collision, friction=0.0)) for t in part.touches
+                ),
+            )
             for part in parts
         )
     return Body(robot.name, parts)
@@ -136,7 +159,9 @@ def _parts(owner: Robot | Model, root: Link, at: Pose, triangles: Triangles) -> 
     index = {group[0][0].name: number for number, group in enumerate(groups)}
     home = {link.name: (index[group[0][0].name], pose) for group in groups for link, pose in group}
     movable = {joint.child: joint for joint in owner.joints if joint.kind != kinds.FIXED}
-    touches: list[list[Touch]] = [[Touch(k.name, _moved(c, p)) for k, p in g for c in k.collisions] for g in groups]
+    touches: list[list[Touch]] = [
+        [Touch(k.name, _moved(c, p)) for k, p in g for c in k.collisions] for g in groups
+    ]
     parts: list[Part] = []
     frames: list[Pose] = []
     for number, group in enumerate(groups):
@@ -165,7 +190,9 @@ def _groups(owner: Robot | Model, root: Link, at: Pose) -> list[_Group]:
     children: dict[str, list[Joint]] = {}
     for joint in owner.joints:
         if joint.kind == kinds.FLOATING:
-            raise DescriptionError(f"robot {owner.name}: joint {joint.name} is floating, which is not supported")
+            raise DescriptionError(
+                f"robot {owner.name}: joint {joint.name} is floating, which is not supported"
+            )
         children.setdefault(joint.parent, []).append(joint)
     groups: list[_Group] = []
     starts = [(root, at)]
@@ -178,7 +205,9 @@ def _groups(owner: Robot | Model, root: Link, at: Pose) -> list[_Group]:
             group.append((link, pose))
             for joint in children.get(link.name, ()):
                 if joint.kind == kinds.FIXED:
-                    pending.append((links[joint.child], pose.compose(joint.pose).compose(joint.offset)))
+                    pending.append(
+                        (links[joint.child], pose.compose(joint.pose).compose(joint.offset))
+                    )
                 else:
                     behind.append((links[joint.child], joint.offset))
         groups.append(group)
@@ -187,7 +216,9 @@ def _groups(owner: Robot | Model, root: Link, at: Pose) -> list[_Group]:
 
 
 def _looks(group: _Group) -> tuple[Visual, ...]:
-    return tuple(replace(one, pose=pose.compose(one.pose)) for link, pose in group for one in link.visuals)
+    return tuple(
+        replace(one, pose=pose.compose(one.pose)) for link, pose in group for one in link.visuals
+    )
 
 
 def _moved(collision: Collision, pose: Pose) -> Collision:
@@ -233,7 +264,9 @@ def heights(shape: Shape, pose: Pose, triangles: Triangles) -> tuple[float, floa
         case Box(size=size):
             reach = float(abs(up) @ np.array(size)) / 2
         case Cylinder(radius=radius, length=length):
-            reach = radius * math.sqrt(max(0.0, 1 - float(up[2]) ** 2)) + abs(float(up[2])) * length / 2
+            reach = (
+                radius * math.sqrt(max(0.0, 1 - float(up[2]) ** 2)) + abs(float(up[2])) * length / 2
+            )
         case Sphere(radius=radius):
             reach = radius
         case Mesh():

@@ -60,7 +60,9 @@ def check_physics(physics: Physics) -> None:
     """Checks settings of the engine; raises BoundError."""
     check("gravity", physics.gravity, GREATEST_GRAVITY, "m/s²")
     if not 1 <= physics.iterations <= MOST_ITERATIONS:
-        raise BoundError(f"solver iterations must be 1 … {MOST_ITERATIONS} (got {physics.iterations})")
+        raise BoundError(
+            f"solver iterations must be 1 … {MOST_ITERATIONS} (got {physics.iterations})"
+        )
 
 
 def check_body(body: Body) -> None:
@@ -117,7 +119,9 @@ def _check_collision(collision: Collision) -> None:
         sizes = (abs(shape.scale[0]), abs(shape.scale[1]), abs(shape.scale[2]))
     if any(not SMALLEST <= size <= LARGEST for size in sizes):
         words = " ".join(f"{size:g}" for size in sizes)
-        raise BoundError(f"size of collision {collision.name} must be {SMALLEST:g} … {LARGEST:g} (got {words})")
+        raise BoundError(
+            f"size of collision {collision.name} must be {SMALLEST:g} … {LARGEST:g} (got {words})"
+        )
 
 
 def check(what: str, values: Iterable[float], most: float, unit: str) -> None:

@@ -54,7 +54,9 @@ class Drive:
     real base, whose computer may fail while it drives.
     """
 
-    def __init__(self, config: DiffDrive, left_scale: float = 1.0, right_scale: float = 1.0) -> None:
+    def __init__(
+        self, config: DiffDrive, left_scale: float = 1.0, right_scale: float = 1.0
+    ) -> None:
         """Takes the plugin's settings; the scales are the ratios of assumed to true wheel diameter in odometry.
 
         Raises:
@@ -69,7 +71,10 @@ class Drive:
 
     def reset(self) -> None:
         """Stops the wheels and resets the odometry to the origin."""
-        self._wanted = self._motion = self._target = self._speeds = self._sent = self._behind = (0.0, 0.0)
+        self._wanted = self._motion = self._target = self._speeds = self._sent = self._behind = (
+            0.0,
+            0.0,
+        )
         self._angles = (0.0, 0.0)
         self._silence = 0.0
         self.odometry = Odometry()
@@ -101,8 +106,14 @@ class Drive:
         if self._motion != self._wanted:
             self._steer(step)
         self._ramp(step)
-        trimmed = self._speeds[0] + TRIM_GAIN * self._behind[0], self._speeds[1] + TRIM_GAIN * self._behind[1]
-        if abs(trimmed[0] - self._sent[0]) < SAME_SPEED and abs(trimmed[1] - self._sent[1]) < SAME_SPEED:
+        trimmed = (
+            self._speeds[0] + TRIM_GAIN * self._behind[0],
+            self._speeds[1] + TRIM_GAIN * self._behind[1],
+        )
+        if (
+            abs(trimmed[0] - self._sent[0]) < SAME_SPEED
+            and abs(trimmed[1] - self._sent[1]) < SAME_SPEED
+        ):
             return None
         self._sent = trimmed
         return trimmed
@@ -124,7 +135,9 @@ class Drive:
             return
         most = (self.config.wheelAcceleration or GRIP_ACCELERATION) / self._radius * step
         part = min(1.0, most / gap)
-        self._speeds = self._target if part == 1.0 else (left + part * left_gap, right + part * right_gap)
+        self._speeds = (
+            self._target if part == 1.0 else (left + part * left_gap, right + part * right_gap)
+        )
 
     def measure(self, left: float, right: float, step: float) -> None:
         """Updates the odometry from the wheel angles [rad], 0 at the start, after a ``step`` [s].
@@ -140,7 +153,10 @@ class Drive:
         )
         left_way = (left - before[0]) * self._radius * self._scales[0]
         right_way = (right - before[1]) * self._radius * self._scales[1]
-        way, turned = (left_way + right_way) / 2, (right_way - left_way) / self.config.wheelSeparation
+        way, turned = (
+            (left_way + right_way) / 2,
+            (right_way - left_way) / self.config.wheelSeparation,
+        )
         was = self.odometry
         self.odometry = Odometry(
             was.x + way * math.cos(was.yaw), was.y + way * math.sin(was.yaw),

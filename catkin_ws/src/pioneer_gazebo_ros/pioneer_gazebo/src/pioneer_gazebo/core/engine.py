@@ -62,7 +62,9 @@ class Engine(Protocol):
     def configure(self, physics: Physics) -> None:
         """Applies new settings from the next step on."""
 
-    def set_standing(self, ground: Sequence[PlacedCollision], obstacles: Sequence[PlacedCollision]) -> None:
+    def set_standing(
+        self, ground: Sequence[PlacedCollision], obstacles: Sequence[PlacedCollision]
+    ) -> None:
         """Replaces the static world: the ground that wheels roll on, and all obstacles.
 
         Raises:
@@ -106,7 +108,9 @@ class Engine(Protocol):
     def set_joint(self, handle: int, part: int, position: float) -> None:
         """Sets a joint's position, at rest."""
 
-    def turn(self, handle: int, parts: Sequence[int], speeds: Sequence[float], efforts: Sequence[float]) -> None:
+    def turn(
+        self, handle: int, parts: Sequence[int], speeds: Sequence[float], efforts: Sequence[float]
+    ) -> None:
         """Sets target speeds [rad/s] and maximum efforts [N m] of joints; does not wake a sleeping body."""
 
     def rest(self, handle: int, allowed: bool) -> None:

@@ -44,7 +44,9 @@ class Driven:
     handle: int  #: of the body in the engine
     before: Odometry = field(default_factory=Odometry)  #: odometry before the last step
     #: pending commands: tick, speed [m/s], turn [rad/s]. The newest one counts, so only a few are kept.
-    commands: deque[tuple[int, float, float]] = field(default_factory=lambda: deque(maxlen=COMMANDS_KEPT))
+    commands: deque[tuple[int, float, float]] = field(
+        default_factory=lambda: deque(maxlen=COMMANDS_KEPT)
+    )
 
     def command(self, tick: int, speed: float, turn: float) -> None:
         """Queues a motion [m/s, rad/s] received at ``tick``; it applies to the first step that begins then or later.
@@ -100,7 +102,9 @@ class Mover:
 
     config: PlanarMove  #: topics and frames
     #: pending commands: tick, velocity ahead and to the left [m/s], turn rate [rad/s]
-    commands: deque[tuple[int, float, float, float]] = field(default_factory=lambda: deque(maxlen=COMMANDS_KEPT))
+    commands: deque[tuple[int, float, float, float]] = field(
+        default_factory=lambda: deque(maxlen=COMMANDS_KEPT)
+    )
     motion: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: the command in force
 
     def command(self, tick: int, ahead: float, left: float, turn: float) -> None:
@@ -140,18 +144,24 @@ class Entity:
     body: Body  #: the body passed to the engine
     handle: int  #: handle of the body in the engine
     initial: Pose  #: spawn pose, restored by a reset
-    robot: Robot | None = None  #: the robot's description; None for a model without sensors and plugins
+    robot: Robot | None = (
+        None  #: the robot's description; None for a model without sensors and plugins
+    )
     drives: list[Driven] = field(default_factory=list)
     movers: list[Mover] = field(default_factory=list)
     lasers: list[Mounted] = field(default_factory=list)
     sonars: list[Mounted] = field(default_factory=list)
-    before: Pose = IDENTITY  #: pose before the last step; kept only if poses between steps are needed
+    before: Pose = (
+        IDENTITY  #: pose before the last step; kept only if poses between steps are needed
+    )
     after: Pose = IDENTITY  #: pose at tick `seen`
     seen: int = 0  #: tick at which `after` was read
     collisions: CollisionCounter = field(default_factory=CollisionCounter)
     number: int = 0  #: row in the array of moving entities
     at_rest: bool = False  #: whether the engine may put it to sleep
-    script: Script | None = None  #: script that moves it instead of physics; None for ordinary bodies
+    script: Script | None = (
+        None  #: script that moves it instead of physics; None for ordinary bodies
+    )
     began: int = 0  #: tick at which its script began
     motion: Velocity = STILL  #: velocity given by its script in the last step
     #: outline of its base for lasers; parts that move relative to the base are `Swinging`
@@ -172,7 +182,9 @@ class Entity:
 
     def __post_init__(self) -> None:
         """Sets the outline: lasers see robots with all joints at 0, but of other models only the base."""
-        self.outline = self.body if self.robot is not None else Body(self.body.name, self.body.parts[:1])
+        self.outline = (
+            self.body if self.robot is not None else Body(self.body.name, self.body.parts[:1])
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,12 +222,16 @@ def equip(entity: Entity, seed: int, error: float, scale: float) -> None:
     frames = body.frames()
 
     def driven(config: DiffDrive) -> Driven:
-        errors = generator_for(seed, entity.name, config.name, "odometry").standard_normal(2) * error
+        errors = (
+            generator_for(seed, entity.name, config.name, "odometry").standard_normal(2) * error
+        )
         drive = Drive(config, *(scale * (1.0 + float(error)) for error in errors))
         left, right = (tuple(body.joint_index(joint) for joint in side) for side in config.joints())
         is_left_right = frames[left[0]].position[1] < frames[right[0]].position[1]
         is_swapped = config.legacyMode == "true" or (not config.legacyMode and is_left_right)
-        return Driven(drive, right + left if is_swapped else left + right, config.wheelTorque, entity.handle)
+        return Driven(
+            drive, right + left if is_swapped else left + right, config.wheelTorque, entity.handle
+        )
 
     def mounted(device: LaserSensor | SonarSensor) -> Mounted:
         part, at = body.part_of(device.link)

@@ -47,7 +47,9 @@ def _joined(corners: Points, cell: float) -> Triangles:
     numbers = (cells[:, 0] * cols + cells[:, 1]) * layers + cells[:, 2]
     _, first, index = np.unique(numbers, return_index=True, return_inverse=True)
     faces = index.reshape(-1, 3)
-    kept = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    kept = (
+        (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    )
     _, once = np.unique(np.sort(faces[kept], axis=1), axis=0, return_index=True)
     return corners[first][faces[kept][np.sort(once)]]
 
@@ -72,4 +74,6 @@ def _directions(most: int) -> NDArray[np.float64]:
     height = 1.0 - (2.0 * np.arange(count) + 1.0) / count
     turn = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0))
     ring = np.sqrt(1.0 - height**2)
-    return np.vstack([np.eye(3), -np.eye(3), np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])])
+    return np.vstack(
+        [np.eye(3), -np.eye(3), np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])]
+    )

@@ -50,14 +50,18 @@ def initial_pose(poses: Mapping[str, Any], robot: str, source: str) -> InitialPo
     """
     entry = poses.get(robot)
     if not isinstance(entry, Mapping):
-        raise FleetError(f"{source} has no initial pose for {robot}; it has {', '.join(poses) or 'none'}")
+        raise FleetError(
+            f"{source} has no initial pose for {robot}; it has {', '.join(poses) or 'none'}"
+        )
     try:
         return InitialPose(*(float(entry[key]) for key in ("x", "y", "a")))
     except (KeyError, TypeError, ValueError):
         raise FleetError(f"{source}: {robot} needs numbers x, y, a, not {dict(entry)}") from None
 
 
-def pose_of_entry(robot: RobotEntry, number: int, poses: Mapping[str, Any], source: str) -> InitialPose:
+def pose_of_entry(
+    robot: RobotEntry, number: int, poses: Mapping[str, Any], source: str
+) -> InitialPose:
     """Returns the start of a fleet's robot: its own pose, or the pose of its name, or that of pioneer``number``.
 
     Raises:
@@ -107,13 +111,23 @@ def check_place(drawn: DrawnMap | None, robot: str, x: float, y: float, world: s
     row, col = int((y - drawn.y) // drawn.resolution), int((x - drawn.x) // drawn.resolution)
     value = drawn.value_at(row, col)
     if value is None:
-        right, top = drawn.x + drawn.cols * drawn.resolution, drawn.y + drawn.rows * drawn.resolution
+        right, top = (
+            drawn.x + drawn.cols * drawn.resolution,
+            drawn.y + drawn.rows * drawn.resolution,
+        )
         spans = f"x from {drawn.x:g} to {right:g} and y from {drawn.y:g} to {top:g} m"
         raise PlacementError(f"{pose}: that is outside its map, which spans {spans}")
     reach = int(CLEARANCE / drawn.resolution)
     around = range(-reach, reach + 1)
-    near = (drawn.value_at(row + up, col + right) for up in around for right in around if up**2 + right**2 <= reach**2)
+    near = (
+        drawn.value_at(row + up, col + right)
+        for up in around
+        for right in around
+        if up**2 + right**2 <= reach**2
+    )
     if any(cell is not None and cell <= drawn.occupied for cell in near):
-        raise PlacementError(f"{pose}: that is inside a wall, or less than {CLEARANCE:g} m from one")
+        raise PlacementError(
+            f"{pose}: that is inside a wall, or less than {CLEARANCE:g} m from one"
+        )
     if value < drawn.free:
         raise PlacementError(f"{pose}: that is outside its walls, in unknown space")

@@ -62,7 +62,9 @@ def plan_from_text(text: str, source: str = "plan") -> FloorPlan:
     """
     lines = text.splitlines()
     if "---" not in lines:
-        raise DescriptionError(f"{source}: a line --- must stand between the measures and the drawing")
+        raise DescriptionError(
+            f"{source}: a line --- must stand between the measures and the drawing"
+        )
     split = lines.index("---")
     values: dict[str, float] = {}
     known = [field.name for field in fields(Measures)]
@@ -71,11 +73,15 @@ def plan_from_text(text: str, source: str = "plan") -> FloorPlan:
             continue
         name, _, value = (part.strip() for part in line.partition(":"))
         if name not in known:
-            raise DescriptionError(f"{source}, line {number}: {name!r} is not one of {', '.join(known)}")
+            raise DescriptionError(
+                f"{source}, line {number}: {name!r} is not one of {', '.join(known)}"
+            )
         try:
             values[name] = float(value)
         except ValueError:
-            raise DescriptionError(f"{source}, line {number}: {name}: {value!r} is not a number") from None
+            raise DescriptionError(
+                f"{source}, line {number}: {name}: {value!r} is not a number"
+            ) from None
     rows = tuple(line.rstrip() for line in lines[split + 1 :])
     while rows and not rows[-1]:
         rows = rows[:-1]
@@ -92,9 +98,12 @@ def world_of_plan(plan: FloorPlan, name: str, ground: Model) -> World:
     solids = list(_solids(plan))
     if not solids:
         return World(name, (ground,))
-    collisions = tuple(Collision(f"collision_{i}", pose, shape) for i, (pose, shape) in enumerate(solids))
+    collisions = tuple(
+        Collision(f"collision_{i}", pose, shape) for i, (pose, shape) in enumerate(solids)
+    )
     visuals = tuple(
-        Visual(f"visual_{i}", pose, shape, (0.75, 0.73, 0.68, 1.0)) for i, (pose, shape) in enumerate(solids)
+        Visual(f"visual_{i}", pose, shape, (0.75, 0.73, 0.68, 1.0))
+        for i, (pose, shape) in enumerate(solids)
     )
     link = Link("link", IDENTITY, collisions=collisions, visuals=visuals)
     return World(name, (ground, Model("walls", IDENTITY, static=True, links=(link,))))
@@ -108,12 +117,18 @@ def _box(plan: FloorPlan, west: float, south: float, east: float, north: float) 
     m = plan.measures
     size = ((east - west) * m.cell + m.thickness, (north - south) * m.cell + m.thickness, m.height)
     x, y = m.x + (west + east) / 2 * m.cell, m.y + (south + north) / 2 * m.cell
-    return Pose((round(x, 6), round(y, 6), m.height / 2)), Box((round(size[0], 6), round(size[1], 6), size[2]))
+    return Pose((round(x, 6), round(y, 6), m.height / 2)), Box(
+        (round(size[0], 6), round(size[1], 6), size[2])
+    )
 
 
 def _runs(flags: list[bool]) -> list[tuple[int, int]]:
     """Returns the half-open ranges in which ``flags`` is true."""
-    edges = [i for i in range(len(flags) + 1) if (i > 0 and flags[i - 1]) != (i < len(flags) and flags[i])]
+    edges = [
+        i
+        for i in range(len(flags) + 1)
+        if (i > 0 and flags[i - 1]) != (i < len(flags) and flags[i])
+    ]
     return list(zip(edges[::2], edges[1::2], strict=True))
 
 

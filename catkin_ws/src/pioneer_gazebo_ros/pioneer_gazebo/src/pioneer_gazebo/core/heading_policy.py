@@ -24,7 +24,9 @@ def sectors(ranges: NDArray[np.float64]) -> NDArray[np.float64]:
     Args:
         ranges: of a 360° scan, anticlockwise from straight behind [m].
     """
-    return np.minimum(np.minimum.reduceat(ranges, np.arange(SECTORS) * len(ranges) // SECTORS), REACH)
+    return np.minimum(
+        np.minimum.reduceat(ranges, np.arange(SECTORS) * len(ranges) // SECTORS), REACH
+    )
 
 
 def directions() -> NDArray[np.float64]:
@@ -53,7 +55,11 @@ def act(
     along = np.where(beside & (math.pi / 2.0 > _BETWEEN), near[None, :] * np.cos(_BETWEEN), REACH)
     clear = np.minimum(along.min(axis=1), max(distance, 0.5))
     clearance, ahead, turn, speed, slow = weights
-    score = clearance * clear / min(REACH, max(distance, 0.5)) + np.cos(_ANGLES - bearing) + ahead * np.cos(_ANGLES)
+    score = (
+        clearance * clear / min(REACH, max(distance, 0.5))
+        + np.cos(_ANGLES - bearing)
+        + ahead * np.cos(_ANGLES)
+    )
     best = float(_ANGLES[score.argmax()])
     if abs(math.remainder(best - bearing, math.tau)) <= math.pi / SECTORS + _EXACT:
         best = bearing

@@ -7,7 +7,16 @@ import numpy as np
 from pioneer_gazebo.core.engine import Velocity
 from pioneer_gazebo.core.entity import Entity
 from pioneer_gazebo.core.laser import generator_for
-from pioneer_gazebo.core.pose import IDENTITY, Pose, Quaternion, Vector, added, conjugate, opposite, rotated
+from pioneer_gazebo.core.pose import (
+    IDENTITY,
+    Pose,
+    Quaternion,
+    Vector,
+    added,
+    conjugate,
+    opposite,
+    rotated,
+)
 from pioneer_gazebo.core.robot import Gps, GroundTruth, Imu
 from pioneer_gazebo.core.schedule import TICK_RATE
 from pioneer_gazebo.core.simulation import Simulation
@@ -40,7 +49,10 @@ class InertialUnit:
         rates, felt = rotated(back, velocity.angular), rotated(back, felt)
         if config.gaussianNoise > 0:
             draws: list[float] = (self._noise.standard_normal(6) * config.gaussianNoise).tolist()
-            rates, felt = added(rates, (draws[0], draws[1], draws[2])), added(felt, (draws[3], draws[4], draws[5]))
+            rates, felt = (
+                added(rates, (draws[0], draws[1], draws[2])),
+                added(felt, (draws[3], draws[4], draws[5])),
+            )
         return pose.rotation, rates, felt
 
 
@@ -49,7 +61,10 @@ class Receiver:
 
     def __init__(self, simulation: Simulation, entity: Entity, config: Gps) -> None:
         self._simulation, self._entity, self._config = simulation, entity, config
-        latitude, heading = math.radians(config.referenceLatitude), math.radians(config.referenceHeading)
+        latitude, heading = (
+            math.radians(config.referenceLatitude),
+            math.radians(config.referenceHeading),
+        )
         square = 1.0 / (1.0 - (2 * FLATTENING - FLATTENING**2) * math.sin(latitude) ** 2)
         east = EARTH * math.sqrt(square)
         self._north_radius = east * (1.0 - (2 * FLATTENING - FLATTENING**2)) * square
@@ -90,9 +105,13 @@ class Truth:
         else:
             pose, velocity = link_motion(simulation, entity.name, self._config.bodyName)
         if self._config.gaussianNoise > 0:
-            draws: list[float] = (self._noise.standard_normal(6) * np.float64(self._config.gaussianNoise)).tolist()
+            draws: list[float] = (
+                self._noise.standard_normal(6) * np.float64(self._config.gaussianNoise)
+            ).tolist()
             x, y, z, roll, pitch, yaw = draws
-            velocity = Velocity(added(velocity.linear, (x, y, z)), added(velocity.angular, (roll, pitch, yaw)))
+            velocity = Velocity(
+                added(velocity.linear, (x, y, z)), added(velocity.angular, (roll, pitch, yaw))
+            )
         if self._offset != IDENTITY:
             turned = self._offset.compose(Pose(rotation=pose.rotation)).rotation
             pose = Pose(added(pose.position, self._offset.position), turned)

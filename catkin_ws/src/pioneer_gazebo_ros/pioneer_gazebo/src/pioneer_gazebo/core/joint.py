@@ -5,7 +5,13 @@ from dataclasses import dataclass, replace
 
 from pioneer_gazebo.core.pose import IDENTITY, Pose, Vector
 
-FIXED, CONTINUOUS, REVOLUTE, PRISMATIC, FLOATING = "fixed", "continuous", "revolute", "prismatic", "floating"
+FIXED, CONTINUOUS, REVOLUTE, PRISMATIC, FLOATING = (
+    "fixed",
+    "continuous",
+    "revolute",
+    "prismatic",
+    "floating",
+)
 
 WORLD = "world"
 """The link by which SDF joints attach a model to the world."""
@@ -41,7 +47,9 @@ class Joint:
         )
 
 
-def tree_of(links: Mapping[str, Pose], joints: Iterable[Joint]) -> tuple[tuple[Joint, ...], tuple[str, ...]]:
+def tree_of(
+    links: Mapping[str, Pose], joints: Iterable[Joint]
+) -> tuple[tuple[Joint, ...], tuple[str, ...]]:
     """Returns joints that form a tree of all links, directed away from the root, and the names of those left over.
 
     The root is the world if a joint refers to it, otherwise the first link. A joint that would close a loop is left
@@ -52,7 +60,11 @@ def tree_of(links: Mapping[str, Pose], joints: Iterable[Joint]) -> tuple[tuple[J
         joints: between these links and `WORLD`.
     """
     pending = list(joints)
-    root = WORLD if any(WORLD in (joint.parent, joint.child) for joint in pending) else next(iter(links))
+    root = (
+        WORLD
+        if any(WORLD in (joint.parent, joint.child) for joint in pending)
+        else next(iter(links))
+    )
     poses = {WORLD: IDENTITY, **links}
     reached, tree, closing = [root], [], []
     loose = [name for name in links if name != root]
@@ -71,5 +83,7 @@ def tree_of(links: Mapping[str, Pose], joints: Iterable[Joint]) -> tuple[tuple[J
         loose = [name for name in loose if name not in reached]
         if not loose:
             return tuple(tree), tuple(closing)
-        tree.append(Joint("", FIXED, root, loose[0], poses[root].inverse().compose(poses[loose[0]])))
+        tree.append(
+            Joint("", FIXED, root, loose[0], poses[root].inverse().compose(poses[loose[0]]))
+        )
         reached.append(loose[0])

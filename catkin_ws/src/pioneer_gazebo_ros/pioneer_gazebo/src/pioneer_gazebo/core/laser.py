@@ -23,7 +23,9 @@ class WallIndex:
 
     def __init__(self, section: Section, cell: float = CELL) -> None:
         points = section.extremes()
-        low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
+        low, high = (
+            (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
+        )
         span = np.maximum(high - low, cell)
         side = max(cell, math.sqrt(float(span[0] * span[1]) / CELLS_AT_MOST))
         cols, rows = (int((s + 2e-3) / side) + 1 for s in span)
@@ -52,7 +54,14 @@ class Movers:
             np.array([_radius(outline) for outline in outlines], dtype=np.float64),
         )
 
-    def shorten(self, poses: NDArray[np.float64], own: int, sensor: Sensor, fan: Fan, out: NDArray[np.float64]) -> None:
+    def shorten(
+        self,
+        poses: NDArray[np.float64],
+        own: int,
+        sensor: Sensor,
+        fan: Fan,
+        out: NDArray[np.float64],
+    ) -> None:
         """Shortens the beams in ``out`` that hit an outline; arguments as for `kernel.cast_movers`."""
         kernel.cast_movers(self._outlines, poses, own, sensor, fan, out)
 
@@ -64,7 +73,9 @@ def _radius(outline: NDArray[np.float64]) -> float:
 
 def generator_for(seed: int, *names: str) -> np.random.Generator:
     """Returns a random generator that depends on seed and ``names`` only, so that other entities do not affect it."""
-    return np.random.default_rng([seed & 0xFFFFFFFF, *(zlib.crc32(name.encode()) for name in names)])
+    return np.random.default_rng(
+        [seed & 0xFFFFFFFF, *(zlib.crc32(name.encode()) for name in names)]
+    )
 
 
 def laser_of_sonar(config: SonarSensor) -> LaserSensor:

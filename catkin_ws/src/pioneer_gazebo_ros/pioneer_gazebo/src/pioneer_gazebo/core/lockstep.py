@@ -26,7 +26,9 @@ class Ring:
     """Nodes that pass a token from one to the next."""
 
     name: str  #: namespace; empty for the root
-    members: tuple[str, ...] = ()  #: its nodes, in the order in which they act; empty until it joins
+    members: tuple[
+        str, ...
+    ] = ()  #: its nodes, in the order in which they act; empty until it joins
     wants: frozenset[str] = frozenset()  #: topics that its nodes subscribe to
     #: messages for its next token: the last ones published by its own and other rings that it subscribes to
     kept: list[Message] = field(default_factory=list)
@@ -47,8 +49,12 @@ class Lockstep:
     def __init__(self, wanted: Iterable[str] = ()) -> None:
         """Takes the topics that the simulator itself subscribes to."""
         self.period = 0  #: number of the current period; 0 before the first
-        self.begun = False  #: whether the first period has begun, once all expected rings had joined
-        self.rings: dict[str, Ring] = {}  #: by name, in the order in which their messages are processed
+        self.begun = (
+            False  #: whether the first period has begun, once all expected rings had joined
+        )
+        self.rings: dict[
+            str, Ring
+        ] = {}  #: by name, in the order in which their messages are processed
         #: topics excluded from all tokens, and rings that exchange no messages with others
         self.withheld: frozenset[str] = frozenset()
         self._own = frozenset(wanted)
@@ -72,7 +78,9 @@ class Lockstep:
     @property
     def stands(self) -> bool:
         """Whether time stands still: a token has not returned, or an awaited ring has not joined."""
-        return not self.rings or any(ring.waiting or (ring.awaited and not ring.joined) for ring in self.rings.values())
+        return not self.rings or any(
+            ring.waiting or (ring.awaited and not ring.joined) for ring in self.rings.values()
+        )
 
     @property
     def late(self) -> list[Ring]:
@@ -133,7 +141,9 @@ class Lockstep:
         sent = [(ring, one) for ring in outside for one in ring.returned]
         for ring in self.rings.values():
             own = [one for one in ring.returned if one.topic in ring.wants]
-            ring.kept = own + [one for source, one in sent if source is not ring and self._reaches(one, ring)]
+            ring.kept = own + [
+                one for source, one in sent if source is not ring and self._reaches(one, ring)
+            ]
         for ring in self.rings.values():
             ring.returned = []
         return [one for _, one in sent if one.topic in self._own]

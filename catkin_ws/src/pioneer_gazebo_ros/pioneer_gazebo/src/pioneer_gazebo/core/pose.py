@@ -32,7 +32,11 @@ def rotated(rotation: Quaternion, vector: Vector) -> Vector:
     x, y, z, w = rotation
     vx, vy, vz = vector
     tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
-    return vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
+    return (
+        vx + w * tx + y * tz - z * ty,
+        vy + w * ty + z * tx - x * tz,
+        vz + w * tz + x * ty - y * tx,
+    )
 
 
 def added(a: Vector, b: Vector) -> Vector:
@@ -95,7 +99,13 @@ class Pose:
 
     @classmethod
     def from_rpy(
-        cls, x: float = 0.0, y: float = 0.0, z: float = 0.0, roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0
+        cls,
+        x: float = 0.0,
+        y: float = 0.0,
+        z: float = 0.0,
+        roll: float = 0.0,
+        pitch: float = 0.0,
+        yaw: float = 0.0,
     ) -> Self:
         """Returns the pose at x, y, z [m] with roll, pitch, yaw [rad] about fixed axes."""
         return cls((x, y, z), quaternion_from_rpy(roll, pitch, yaw))
@@ -119,7 +129,12 @@ class Pose:
         largest = int(np.argmax(candidates))
         quaternion = [0.0, 0.0, 0.0, 0.0]
         if largest == 3:
-            quaternion = [m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], 1.0 + candidates[3]]
+            quaternion = [
+                m[2, 1] - m[1, 2],
+                m[0, 2] - m[2, 0],
+                m[1, 0] - m[0, 1],
+                1.0 + candidates[3],
+            ]
         else:
             i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
             quaternion[i] = 1.0 + m[i, i] - m[j, j] - m[k, k]
@@ -142,7 +157,11 @@ class Pose:
         sin_pitch = 2.0 * (w * y - z * x)
         if abs(sin_pitch) > 1.0 - 1e-12:
             pitch = math.copysign(math.pi / 2, sin_pitch)
-            return 0.0, pitch, math.remainder(-2.0 * math.copysign(1.0, sin_pitch) * math.atan2(x, w), math.tau)
+            return (
+                0.0,
+                pitch,
+                math.remainder(-2.0 * math.copysign(1.0, sin_pitch) * math.atan2(x, w), math.tau),
+            )
         roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
         return roll, math.asin(sin_pitch), heading(self.rotation)
 
@@ -153,7 +172,9 @@ class Pose:
 
     def compose(self, other: "Pose") -> "Pose":
         """Returns ``other``, a pose in this frame, in the parent frame: ``a_from_c = a_from_b.compose(b_from_c)``."""
-        return Pose(self.transform(other.position), _normalised(_product(self.rotation, other.rotation)))
+        return Pose(
+            self.transform(other.position), _normalised(_product(self.rotation, other.rotation))
+        )
 
     def inverse(self) -> "Pose":
         """Returns the parent frame's pose in this frame."""

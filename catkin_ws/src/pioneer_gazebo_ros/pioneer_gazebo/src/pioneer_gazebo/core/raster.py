@@ -29,7 +29,9 @@ class Extent:
     cols: int
 
     @classmethod
-    def around(cls, sections: Iterable[Section], resolution: float, margin: float) -> "Extent | None":
+    def around(
+        cls, sections: Iterable[Section], resolution: float, margin: float
+    ) -> "Extent | None":
         """Returns the smallest grid with ``margin`` [m] around all sections; None if all are empty.
 
         The corner is an integer multiple of ``resolution``.
@@ -42,7 +44,11 @@ class Extent:
         last = np.ceil(high / resolution - _TOUCH).astype(int)
         cols, rows = (int(n) for n in last - first)
         return cls(
-            round(float(first[0] * resolution), 9), round(float(first[1] * resolution), 9), resolution, rows, cols
+            round(float(first[0] * resolution), 9),
+            round(float(first[1] * resolution), 9),
+            resolution,
+            rows,
+            cols,
         )
 
 

@@ -89,7 +89,9 @@ class DiffDrive:
     rightJoint: str = "right_joint"
     wheelSeparation: float = 0.34  #: distance between the wheels' contact points [m]
     wheelDiameter: float = 0.15  #: [m]
-    wheelAcceleration: float = 0.0  #: maximum rim acceleration of a wheel [m/s²]; 0 for the default limit
+    wheelAcceleration: float = (
+        0.0  #: maximum rim acceleration of a wheel [m/s²]; 0 for the default limit
+    )
     wheelTorque: float = 5.0  #: maximum torque per wheel [N m]
     #: the wheels stop after this time without a command [s]; 0 for never (ours, not gazebo_ros')
     commandTimeout: float = 0.0
@@ -98,12 +100,16 @@ class DiffDrive:
     odometryTopic: str = "odom"
     odometryFrame: str = "odom"
     robotBaseFrame: str = "base_footprint"
-    odometrySource: str = "world"  #: ``encoder`` (integrates the wheels) or ``world`` (the true pose)
+    odometrySource: str = (
+        "world"  #: ``encoder`` (integrates the wheels) or ``world`` (the true pose)
+    )
     publishTf: bool = True
     publishOdomTF: bool = True
     publishWheelTF: bool = False
     publishWheelJointState: bool = False
-    legacyMode: str = ""  #: ``true`` if the joint called left is on the right; empty: by the joints' positions
+    legacyMode: str = (
+        ""  #: ``true`` if the joint called left is on the right; empty: by the joints' positions
+    )
     #: leftRearJoint, rightRearJoint: further wheels, as in ``libgazebo_ros_skid_steer_drive.so``
     leftRearJoint: tuple[str, ...] = ()
     rightRearJoint: tuple[str, ...] = ()
@@ -203,7 +209,9 @@ class JointStatePublisher:
     """``libgazebo_ros_joint_state_publisher.so``."""
 
     name: str = "joint_state_publisher"
-    jointName: tuple[str, ...] = ()  #: published joints, in this order; empty for all movable joints
+    jointName: tuple[
+        str, ...
+    ] = ()  #: published joints, in this order; empty for all movable joints
     updateRate: float = 100.0  #: [Hz]; 0 for every step
     topicName: str = "joint_states"  #: relative to the robot's namespace
 
@@ -257,7 +265,9 @@ class Robot:
     static: bool = False  #: whether the model is static (``<gazebo><static>``)
     #: one line for each kind of unsupported element that was ignored
     warnings: tuple[str, ...] = ()
-    namespace: str = ""  #: topic namespace set by a plugin; used if the robot is spawned without a namespace
+    namespace: str = (
+        ""  #: topic namespace set by a plugin; used if the robot is spawned without a namespace
+    )
 
     def of(self, kind: type[Kind]) -> tuple[Kind, ...]:
         """Returns the devices of one kind, in file order."""

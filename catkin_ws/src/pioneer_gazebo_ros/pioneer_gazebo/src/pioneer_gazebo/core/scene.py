@@ -49,7 +49,8 @@ class Scene:
                 self._walls.clear()
             found = self._walls[layer] = WallIndex(
                 Section.joined(
-                    section_of(one.collision.shape, one.pose, layer * LAYER, self._triangles) for one in self._standing
+                    section_of(one.collision.shape, one.pose, layer * LAYER, self._triangles)
+                    for one in self._standing
                 )
             )
         return found
@@ -76,9 +77,14 @@ class Scene:
 
     def remove(self, entity: Entity) -> None:
         """Removes an entity."""
-        gone = {id(entity.outline), *(id(one.outline) for one in self.swinging if one.entity is entity)}
+        gone = {
+            id(entity.outline),
+            *(id(one.outline) for one in self.swinging if one.entity is entity),
+        }
         self._movers.clear()
-        self._outlines = {key: outline for key, outline in self._outlines.items() if key[0] not in gone}
+        self._outlines = {
+            key: outline for key, outline in self._outlines.items() if key[0] not in gone
+        }
         self.swinging = [one for one in self.swinging if one.entity is not entity]
         self.outdate()
 
@@ -91,7 +97,9 @@ class Scene:
         rows = [(*pose.position[:2], heading(pose.rotation)) for pose in poses]
         self.tick, self._poses = tick, np.array(rows).reshape(-1, 3)
 
-    def ranges(self, sensor: Pose, mounted: Mounted, own: int, seen: Sequence[Seen]) -> NDArray[np.float64]:
+    def ranges(
+        self, sensor: Pose, mounted: Mounted, own: int, seen: Sequence[Seen]
+    ) -> NDArray[np.float64]:
         """Returns a scan's ranges [m]; the array is overwritten by the laser's next scan.
 
         Args:
@@ -109,6 +117,8 @@ class Scene:
 def outline_of(body: Body, height: float, triangles: Triangles) -> NDArray[np.float64]:
     """Returns segments (n, 4) [m] where the plane z = ``height`` of the base frame cuts the body's shapes."""
     sections = [
-        section_of(touch.collision.shape, pose, height, triangles) for touch, pose in body.placed() if not touch.rolling
+        section_of(touch.collision.shape, pose, height, triangles)
+        for touch, pose in body.placed()
+        if not touch.rolling
     ]
     return Section.joined(sections).as_segments()

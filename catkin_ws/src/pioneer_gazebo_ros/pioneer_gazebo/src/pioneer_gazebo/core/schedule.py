@@ -102,8 +102,16 @@ class Schedule:
 
     def next_after(self, tick: int) -> int:
         """Returns the first tick after ``tick`` at which a task is due; one second later if there are no tasks."""
-        return min((tick - tick % period + period for period in self._by_period()), default=tick + TICK_RATE)
+        return min(
+            (tick - tick % period + period for period in self._by_period()),
+            default=tick + TICK_RATE,
+        )
 
     def due(self, tick: int) -> list[Task]:
         """Returns all tasks due at ``tick``, in execution order."""
-        return [task for period, tasks in self._by_period().items() if tick % period == 0 for task in tasks]
+        return [
+            task
+            for period, tasks in self._by_period().items()
+            if tick % period == 0
+            for task in tasks
+        ]

@@ -45,7 +45,9 @@ class Section:
     def extremes(self) -> NDArray[np.float64]:
         """Returns points (n, 2) with the same bounding box as the section; none if it is empty."""
         starts, centres, radii = self.segments[:, :2], self.circles[:, :2], self.circles[:, 2:]
-        return np.concatenate([starts, starts + self.segments[:, 2:], centres - radii, centres + radii])
+        return np.concatenate(
+            [starts, starts + self.segments[:, 2:], centres - radii, centres + radii]
+        )
 
     def as_segments(self, sides: int = 24) -> NDArray[np.float64]:
         """Returns the segments, with each circle replaced by a polygon with ``sides`` sides and the same area."""
@@ -91,7 +93,9 @@ def _hull(points: NDArray[np.float64]) -> Section:
     if len(points) < 2:
         return EMPTY
     centre = points.mean(axis=0)
-    order = np.argsort(np.arctan2(points[:, 1] - centre[1], points[:, 0] - centre[0]), kind="stable")
+    order = np.argsort(
+        np.arctan2(points[:, 1] - centre[1], points[:, 0] - centre[0]), kind="stable"
+    )
     return _polygon(points[order])
 
 
@@ -115,7 +119,9 @@ def _box(box: Box, pose: Pose, height: float) -> Section:
         x, y, _ = pose.position
         corners = np.array([(hx, hy), (-hx, hy), (-hx, -hy), (hx, -hy)])
         return _polygon(corners @ np.array([[c, s], [-s, c]]) + (x, y))
-    local = np.array([(hx * sx, hy * sy, hz * sz) for sx in (-1, 1) for sy in (-1, 1) for sz in (-1, 1)])
+    local = np.array(
+        [(hx * sx, hy * sy, hz * sz) for sx in (-1, 1) for sy in (-1, 1) for sz in (-1, 1)]
+    )
     return _cut_edges(_placed(local, pose), np.array(_BOX_EDGES), height)
 
 
@@ -137,7 +143,9 @@ def _cylinder(cylinder: Cylinder, pose: Pose, height: float) -> Section:
         inside = abs(height - z) <= cylinder.length / 2
         return Section(EMPTY.segments, np.array([[x, y, cylinder.radius]])) if inside else EMPTY
     angles = np.arange(PRISM_SIDES) * math.tau / PRISM_SIDES
-    rim = np.column_stack([cylinder.radius * np.cos(angles), cylinder.radius * np.sin(angles), np.zeros(PRISM_SIDES)])
+    rim = np.column_stack(
+        [cylinder.radius * np.cos(angles), cylinder.radius * np.sin(angles), np.zeros(PRISM_SIDES)]
+    )
     half = np.array([0.0, 0.0, cylinder.length / 2])
     corners = _placed(np.concatenate([rim - half, rim + half]), pose)
     i = np.arange(PRISM_SIDES)

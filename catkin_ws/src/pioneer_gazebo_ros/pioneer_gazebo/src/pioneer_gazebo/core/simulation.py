@@ -51,7 +51,11 @@ class Simulation:
         self._engine = engine
         self._triangles = triangles
         self._scene = Scene(triangles)
-        self._seed, self._odometry_error, self._odometry_scale = seed, odometry_error, odometry_scale
+        self._seed, self._odometry_error, self._odometry_scale = (
+            seed,
+            odometry_error,
+            odometry_scale,
+        )
         self._entities: dict[str, Entity] = {}
         self._by_handle: dict[int, Entity] = {}
         self._standing = Standing(engine, self._scene, triangles)
@@ -74,7 +78,9 @@ class Simulation:
             BoundError: gravity or solver iterations out of bounds.
         """
         bound.check_physics(physics)
-        self._period = period_of(1.0 / physics.step if physics.step > 0 else 0.0, "the physics step")
+        self._period = period_of(
+            1.0 / physics.step if physics.step > 0 else 0.0, "the physics step"
+        )
         self.physics = physics
         self._engine.configure(physics)
 
@@ -107,7 +113,9 @@ class Simulation:
         """
         found = self._entities.get(name)
         if found is None:
-            raise ModelError(f"model {name} {'is static' if name in self._standing.models else 'does not exist'}")
+            raise ModelError(
+                f"model {name} {'is static' if name in self._standing.models else 'does not exist'}"
+            )
         return found
 
     @property
@@ -131,7 +139,11 @@ class Simulation:
         body = body_from_model(model, self._triangles)
         namespace = namespace or model.namespace
         if model.script is None:
-            robot = Robot(model.name, model.links, model.joints, model.devices) if model.devices else None
+            robot = (
+                Robot(model.name, model.links, model.joints, model.devices)
+                if model.devices
+                else None
+            )
             self._add(model.name, namespace, body, model.pose, robot, anywhere)
             return
         pose = model.script.pose(0.0)
@@ -152,11 +164,15 @@ class Simulation:
     def _check_name(self, name: str) -> None:
         """Raises ModelError if the name is invalid or in use."""
         if not name or len(name) > LONGEST_NAME:
-            raise ModelError(f"a model's name needs 1 to {LONGEST_NAME} characters, this has {len(name)}")
+            raise ModelError(
+                f"a model's name needs 1 to {LONGEST_NAME} characters, this has {len(name)}"
+            )
         if name in self._entities or name in self._standing.models:
             raise ModelError(f"model {name} already exists")
 
-    def _add(self, name: str, namespace: str, body: Body, pose: Pose, robot: Robot | None, anywhere: bool) -> Entity:
+    def _add(
+        self, name: str, namespace: str, body: Body, pose: Pose, robot: Robot | None, anywhere: bool
+    ) -> Entity:
         bound.check_body(body)
         bound.check_pose(pose)
         search = self.spawn_search if robot is not None else 0.0
@@ -164,7 +180,9 @@ class Simulation:
         if isinstance(found, Contact):
             x, y, _ = pose.position
             inside = self.touched_name(found)
-            raise ModelError(f"model {name} at ({x:.2f}, {y:.2f}) would overlap {inside} by {found.depth:.2f} m")
+            raise ModelError(
+                f"model {name} at ({x:.2f}, {y:.2f}) would overlap {inside} by {found.depth:.2f} m"
+            )
         handle, pose = found
         entity = self._keep(Entity(name, namespace, body, handle, pose, robot, after=pose))
         try:
@@ -272,7 +290,9 @@ class Simulation:
             KeyError: there is no such link.
         """
         part, at = entity.body.part_of(link)
-        return (self.pose(entity) if part == 0 else self._engine.pose(entity.handle, part)).compose(at)
+        return (self.pose(entity) if part == 0 else self._engine.pose(entity.handle, part)).compose(
+            at
+        )
 
     def part_poses(self, entity: Entity) -> list[Pose]:
         """Returns the pose of each part's frame."""
@@ -312,9 +332,17 @@ class Simulation:
 
     def ranges(self, entity: Entity, mounted: Mounted) -> NDArray[np.float64]:
         """Returns a scan's ranges [m]; the array is overwritten by the laser's next scan."""
-        base = self.pose(entity) if mounted.part == 0 else self._engine.pose(entity.handle, mounted.part)
-        swinging = [(one, self._engine.pose(one.entity.handle, one.part)) for one in self._scene.swinging]
-        seen = [(other.outline, self._settled(other).position[2]) for other in self._entities.values()]
+        base = (
+            self.pose(entity)
+            if mounted.part == 0
+            else self._engine.pose(entity.handle, mounted.part)
+        )
+        swinging = [
+            (one, self._engine.pose(one.entity.handle, one.part)) for one in self._scene.swinging
+        ]
+        seen = [
+            (other.outline, self._settled(other).position[2]) for other in self._entities.values()
+        ]
         seen += [(one.outline, pose.position[2]) for one, pose in swinging]
         if self._scene.tick != self.tick:
             poses = [self.pose(other) for other in self._entities.values()]
@@ -394,4 +422,6 @@ class Simulation:
             entity.seen = 0
             entity.collisions = CollisionCounter()
             for mounted in (*entity.lasers, *entity.sonars):
-                mounted.laser.reseed(generator_for(self._seed, entity.name, mounted.laser.config.name))
+                mounted.laser.reseed(
+                    generator_for(self._seed, entity.name, mounted.laser.config.name)
+                )

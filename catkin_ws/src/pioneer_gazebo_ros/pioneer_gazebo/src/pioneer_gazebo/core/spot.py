@@ -72,7 +72,9 @@ def _free_pose(engine: Engine, handle: int, pose: Pose, bound: float) -> Pose | 
         for number in range(DIRECTIONS):
             angle = math.tau * number / DIRECTIONS
             radius = ring * SEARCH_STEP
-            tried = replace(pose, position=(x + radius * math.cos(angle), y + radius * math.sin(angle), z))
+            tried = replace(
+                pose, position=(x + radius * math.cos(angle), y + radius * math.sin(angle), z)
+            )
             engine.set_pose(handle, tried)
             if _deepest(engine.overlap(handle)) is None:
                 return tried

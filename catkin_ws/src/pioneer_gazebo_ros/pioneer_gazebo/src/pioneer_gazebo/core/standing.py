@@ -9,7 +9,16 @@ from pioneer_gazebo.core.engine import Engine
 from pioneer_gazebo.core.pose import Pose, Vector
 from pioneer_gazebo.core.scene import Scene
 from pioneer_gazebo.core.section import Triangles
-from pioneer_gazebo.core.world import Box, Cylinder, Model, PlacedCollision, Plane, Shape, Sphere, World
+from pioneer_gazebo.core.world import (
+    Box,
+    Cylinder,
+    Model,
+    PlacedCollision,
+    Plane,
+    Shape,
+    Sphere,
+    World,
+)
 
 GROUND_TOP = 0.03
 """Maximum top height [m] of static shapes that count as ground: wheels roll on it, touching it is no collision."""
@@ -31,7 +40,10 @@ class Standing:
         obstacles: list[PlacedCollision] = []
         for one in placed:
             shape = one.collision.shape
-            is_ground = isinstance(shape, Plane) or heights(shape, one.pose, self._triangles)[1] <= GROUND_TOP
+            is_ground = (
+                isinstance(shape, Plane)
+                or heights(shape, one.pose, self._triangles)[1] <= GROUND_TOP
+            )
             (ground if is_ground else obstacles).append(one)
         self._engine.set_standing(ground, obstacles)
         self._scene.set_standing(obstacles)
@@ -66,7 +78,9 @@ class Standing:
         """Returns ``model::link::collision`` of the obstacle nearest to a point."""
         if not self._obstacles:
             return "the world"
-        one = min(self._obstacles, key=lambda one: distance_to(one.collision.shape, one.pose, point))
+        one = min(
+            self._obstacles, key=lambda one: distance_to(one.collision.shape, one.pose, point)
+        )
         return f"{one.model.name}::{one.link.name}::{one.collision.name}"
 
 
@@ -75,7 +89,9 @@ def distance_to(shape: Shape, pose: Pose, point: Vector) -> float:
     x, y, z = pose.inverse().transform(point)
     match shape:
         case Box(size=size):
-            return math.hypot(*(max(0.0, abs(v) - s / 2) for v, s in zip((x, y, z), size, strict=True)))
+            return math.hypot(
+                *(max(0.0, abs(v) - s / 2) for v, s in zip((x, y, z), size, strict=True))
+            )
         case Cylinder(radius=radius, length=length):
             return math.hypot(max(0.0, math.hypot(x, y) - radius), max(0.0, abs(z) - length / 2))
         case Sphere(radius=radius):

@@ -86,7 +86,9 @@ def relative(simulation: Simulation, name: str, reference: str) -> tuple[Pose, V
     return base.inverse().compose(pose), Velocity(linear, angular).seen_from(base.rotation)
 
 
-def place(simulation: Simulation, name: str, pose: Pose, velocity: Velocity, reference: str) -> None:
+def place(
+    simulation: Simulation, name: str, pose: Pose, velocity: Velocity, reference: str
+) -> None:
     """Moves a model so that it, or its link, has this pose and velocity relative to ``reference``.
 
     Raises:
@@ -96,7 +98,13 @@ def place(simulation: Simulation, name: str, pose: Pose, velocity: Velocity, ref
     base, _ = motion(simulation, reference)
     wanted = base.compose(pose)
     if link:
-        link_from_model = link_motion(simulation, model, link)[0].inverse().compose(link_motion(simulation, model)[0])
+        link_from_model = (
+            link_motion(simulation, model, link)[0]
+            .inverse()
+            .compose(link_motion(simulation, model)[0])
+        )
         wanted = wanted.compose(link_from_model)
-    turned = Velocity(rotated(base.rotation, velocity.linear), rotated(base.rotation, velocity.angular))
+    turned = Velocity(
+        rotated(base.rotation, velocity.linear), rotated(base.rotation, velocity.angular)
+    )
     simulation.place(model, wanted, turned)

@@ -60,11 +60,16 @@ def is_wheel(touches: Iterable[Touch], joint: Joint, parent: Pose, triangles: Tr
         joint.kind == kinds.CONTINUOUS
         and abs(axis[2]) < LEVEL
         and bool(shapes)
-        and all(not isinstance(one.shape, Sphere) and _round(one, joint.axis, triangles) for one in shapes)
+        and all(
+            not isinstance(one.shape, Sphere) and _round(one, joint.axis, triangles)
+            for one in shapes
+        )
     )
 
 
-def as_balls(touches: Iterable[Touch], joint: Joint, triangles: Triangles) -> tuple[list[Touch], list[Touch]]:
+def as_balls(
+    touches: Iterable[Touch], joint: Joint, triangles: Triangles
+) -> tuple[list[Touch], list[Touch]]:
     """Returns a wheel's shapes as rolling balls, and the drums that its parent gets to collide with obstacles.
 
     Shapes that are round about the joint's axis become balls of that radius; others are kept.
@@ -98,14 +103,19 @@ def _round(collision: Collision, axis: Vector, triangles: Triangles) -> Round | 
         return None
     if float(np.linalg.norm(np.cross(pose.position, axis))) > OFF_AXIS:
         return None
-    if isinstance(shape, Cylinder) and abs(float(np.dot(rotated(pose.rotation, (0.0, 0.0, 1.0)), axis))) < 0.999:
+    if (
+        isinstance(shape, Cylinder)
+        and abs(float(np.dot(rotated(pose.rotation, (0.0, 0.0, 1.0)), axis))) < 0.999
+    ):
         return None
     middle = float(np.dot(pose.position, axis))
     half = shape.length / 2 if isinstance(shape, Cylinder) else shape.radius
     return shape.radius, middle - half, middle + half
 
 
-def _round_mesh(pose: Pose, corners: NDArray[np.float64], axis: NDArray[np.float64]) -> Round | None:
+def _round_mesh(
+    pose: Pose, corners: NDArray[np.float64], axis: NDArray[np.float64]
+) -> Round | None:
     matrix = pose.matrix()
     points = corners @ matrix[:3, :3].T + matrix[:3, 3]
     along = points @ axis

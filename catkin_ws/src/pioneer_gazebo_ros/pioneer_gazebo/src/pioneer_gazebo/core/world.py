@@ -64,7 +64,11 @@ class Trajectory:
         if index in (0, last) and math.dist(points[0], points[last]) < 1e-6:
             before, after = points[last - 1], points[1]
         half = (1.0 - self.tension) / 2
-        return half * (after[0] - before[0]), half * (after[1] - before[1]), half * (after[2] - before[2])
+        return (
+            half * (after[0] - before[0]),
+            half * (after[1] - before[1]),
+            half * (after[2] - before[2]),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +84,12 @@ class Script:
     def mapped(self, function: Callable[[Pose], Pose]) -> "Script":
         """Returns the script with ``function`` applied to all its poses."""
         trajectories = tuple(
-            replace(one, waypoints=tuple(replace(point, pose=function(point.pose)) for point in one.waypoints))
+            replace(
+                one,
+                waypoints=tuple(
+                    replace(point, pose=function(point.pose)) for point in one.waypoints
+                ),
+            )
             for one in self.trajectories
         )
         return replace(self, trajectories=trajectories, home=function(self.home))
@@ -155,7 +164,9 @@ class Collision:
     name: str  #: unique in its link
     pose: Pose  #: pose of the shape in the link
     shape: Shape  #: the shape
-    friction: float = 1.0  #: Coulomb coefficient along the first direction (SDF's ``mu``, URDF's ``mu1``)
+    friction: float = (
+        1.0  #: Coulomb coefficient along the first direction (SDF's ``mu``, URDF's ``mu1``)
+    )
     restitution: float = 0.0  #: 0 (no bounce) … 1
 
 
@@ -210,7 +221,9 @@ class Model:
     #: form a tree of all links (see `joint.tree_of`); empty if all links are rigidly connected
     joints: tuple[Joint, ...] = ()
     devices: tuple[Any, ...] = ()  #: sensors and plugins (see `robot.Device`)
-    namespace: str = ""  #: topic namespace set by a plugin; used if the model is spawned without a namespace
+    namespace: str = (
+        ""  #: topic namespace set by a plugin; used if the model is spawned without a namespace
+    )
 
     def moved(self, base: Pose) -> "Model":
         """Returns the model with pose and script transformed from ``base``'s frame to the parent frame of ``base``."""

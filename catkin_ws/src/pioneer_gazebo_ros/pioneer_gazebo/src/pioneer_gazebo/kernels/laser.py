@@ -70,7 +70,9 @@ def _clamped(value: int, low: int, high: int) -> int:
 
 
 @njit
-def _segment_meets_cell(ax: float, ay: float, ex: float, ey: float, left: float, bottom: float, cell: float) -> bool:
+def _segment_meets_cell(
+    ax: float, ay: float, ex: float, ey: float, left: float, bottom: float, cell: float
+) -> bool:
     """Tests whether a segment touches a cell, on the segment's normal only; the caller has tested the box axes."""
     margin = 1e-9 + 1e-9 * cell
     half = 0.5 * cell
@@ -122,7 +124,9 @@ def fill_items(walls: Walls, cursors: Array1[np.int32], items: Array1[np.int32])
 
 
 @njit(inline="always")
-def _circle_distance(px: float, py: float, dx: float, dy: float, x: float, y: float, radius: float) -> float:
+def _circle_distance(
+    px: float, py: float, dx: float, dy: float, x: float, y: float, radius: float
+) -> float:
     """Returns the distance along the ray to the circle's rim; infinity if it is not hit."""
     mx, my = px - x, py - y
     b = mx * dx + my * dy
@@ -224,7 +228,9 @@ def cast(
     """
     for i in range(out.shape[0]):
         angle = sensor.yaw + fan.first + i * fan.increment
-        out[i] = _cast_one(walls, starts, items, sensor.x, sensor.y, math.cos(angle), math.sin(angle), fan.reach)
+        out[i] = _cast_one(
+            walls, starts, items, sensor.x, sensor.y, math.cos(angle), math.sin(angle), fan.reach
+        )
 
 
 @njit

@@ -22,7 +22,12 @@ def _wheel_transforms(port: Port, driven: Driven) -> None:
     for part in driven.parts:
         joint = body.parts[part].joint
         assert joint is not None, "a wheel has a joint"
-        wheels.append((joint, conversions.TransformTemplate(port.frame(joint.parent), port.frame(joint.child))))
+        wheels.append(
+            (
+                joint,
+                conversions.TransformTemplate(port.frame(joint.parent), port.frame(joint.child)),
+            )
+        )
 
     def publish(tick: int) -> None:
         for joint, template in wheels:
@@ -76,7 +81,9 @@ def drive_topics(port: Port, config: DiffDrive) -> None:
         driven.command(port.context.now(), message.linear.x, message.angular.z)
 
     motion = believed if config.odometrySource != "world" else lambda: true_motion(port)
-    odometry_topics(port, config, config.updateRate, motion, config.publishTf and config.publishOdomTF)
+    odometry_topics(
+        port, config, config.updateRate, motion, config.publishTf and config.publishOdomTF
+    )
     if config.publishWheelTF:
         _wheel_transforms(port, driven)
     if config.publishWheelJointState:

@@ -68,7 +68,9 @@ class GazeboConfig:
                 f"~real_time_factor must be 0 (as fast as possible) or more, not {self.real_time_factor}"
             )
         if self.solver_iterations < 1:
-            raise ParameterError(f"~solver_iterations must be 1 or more, not {self.solver_iterations}")
+            raise ParameterError(
+                f"~solver_iterations must be 1 or more, not {self.solver_iterations}"
+            )
         if not (self.odometry_error >= 0 and self.odometry_scale > 0):
             raise ParameterError(
                 "~odometry_error must not be negative and ~odometry_scale must be above 0, "
@@ -115,12 +117,23 @@ class GazeboNode:
         physics = Physics(1.0 / config.physics_rate, config.solver_iterations, world.gravity)
         self._engine = BulletEngine(physics, config.gui)
         self._simulation = Simulation(
-            self._engine, triangles_of_mesh, physics, config.seed, config.odometry_error, config.odometry_scale
+            self._engine,
+            triangles_of_mesh,
+            physics,
+            config.seed,
+            config.odometry_error,
+            config.odometry_scale,
         )
         self._simulation.spawn_search = config.spawn_search
         self._simulation.load(replace(world, models=tuple(map(with_controllers, world.models))))
         self._timeline = Timeline(
-            self._simulation, mailbox, config.real_time_factor, config.paused, config.clock_rate, self._after_tick, gate
+            self._simulation,
+            mailbox,
+            config.real_time_factor,
+            config.paused,
+            config.clock_rate,
+            self._after_tick,
+            gate,
         )
         self._transforms = TransformTopic(self._timeline.schedule.review)
         self._robots = Robots(self._simulation, self._timeline, self._transforms)
@@ -138,7 +151,11 @@ class GazeboNode:
         """Returns the lockstep gate. Must run before any publisher is created, because it replaces rospy's."""
 
         def namespaces() -> set[str]:
-            return {entity.namespace for entity in self._simulation.entities() if entity.robot is not None}
+            return {
+                entity.namespace
+                for entity in self._simulation.entities()
+                if entity.robot is not None
+            }
 
         config = config_from_mapping(LockstepConfig, parameters, f"{rospy.get_name()}/lockstep")
         return LockstepGate(config, mailbox, namespaces)
@@ -181,7 +198,9 @@ class GazeboNode:
             "models": str(len(self._simulation.names())),
             "robots": str(len(self._robots)),
         }
-        status = DiagnosticStatus(level, f"{rospy.get_name()[1:]}: simulation", message, "pioneer_gazebo", [])
+        status = DiagnosticStatus(
+            level, f"{rospy.get_name()[1:]}: simulation", message, "pioneer_gazebo", []
+        )
         status.values = [KeyValue(key, value) for key, value in values.items()]
         array = DiagnosticArray(status=[status])
         whole, rest = divmod(time, 1.0)

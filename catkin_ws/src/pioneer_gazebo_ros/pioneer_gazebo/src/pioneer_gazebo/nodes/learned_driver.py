@@ -27,7 +27,9 @@ class LearnedDriver:
     Publishes: ``cmd_vel`` (geometry_msgs/Twist).
     """
 
-    def __init__(self, weights: NDArray[np.float64], goals: list[tuple[float, float]], tolerance: float) -> None:
+    def __init__(
+        self, weights: NDArray[np.float64], goals: list[tuple[float, float]], tolerance: float
+    ) -> None:
         """Takes the policy's weights, and goals x, y [m] in map, which are reached within ``tolerance`` [m]."""
         self._weights, self._goals, self._tolerance = weights, goals, tolerance
         self._base = f"{rospy.get_namespace().strip('/')}/base_link".lstrip("/")
@@ -42,9 +44,14 @@ class LearnedDriver:
         except tf2_ros.TransformException:
             return  # not localised yet
         where, turned = transform.translation, transform.rotation
-        yaw = math.atan2(2.0 * (turned.w * turned.z + turned.x * turned.y), 1.0 - 2.0 * (turned.y**2 + turned.z**2))
+        yaw = math.atan2(
+            2.0 * (turned.w * turned.z + turned.x * turned.y),
+            1.0 - 2.0 * (turned.y**2 + turned.z**2),
+        )
         if self._goals and math.dist((where.x, where.y), self._goals[0]) <= self._tolerance:
-            rospy.loginfo("reached (%.2f, %.2f), at (%.2f, %.2f)", *self._goals.pop(0), where.x, where.y)
+            rospy.loginfo(
+                "reached (%.2f, %.2f), at (%.2f, %.2f)", *self._goals.pop(0), where.x, where.y
+            )
         if not self._goals:
             self._commands.publish(Twist())
             rospy.signal_shutdown("all goals are reached")
@@ -64,14 +71,20 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         prog="learned_driver", description="Drives a robot to goals in map by a learned policy."
     )
-    parser.add_argument("--weights", type=Path, default=shipped, metavar="FILE", help="default: %(default)s")
-    parser.add_argument("--tolerance", type=float, default=0.3, metavar="M", help="default: %(default)s m")
+    parser.add_argument(
+        "--weights", type=Path, default=shipped, metavar="FILE", help="default: %(default)s"
+    )
+    parser.add_argument(
+        "--tolerance", type=float, default=0.3, metavar="M", help="default: %(default)s m"
+    )
     parser.add_argument("goals", type=float, nargs="+", metavar="X Y", help="one or more")
     options = parser.parse_args(rospy.myargv()[1:])
     if len(options.goals) % 2:
         parser.error("goals are pairs of x and y")
     rospy.init_node("learned_driver")
     weights = np.array(json.loads(options.weights.read_text())["weights"])
-    LearnedDriver(weights, list(zip(options.goals[::2], options.goals[1::2], strict=True)), options.tolerance)
+    LearnedDriver(
+        weights, list(zip(options.goals[::2], options.goals[1::2], strict=True)), options.tolerance
+    )
     rospy.spin()
     return 0

@@ -57,7 +57,9 @@ class LockstepGate:
     Threads: the simulation's, except for `Exchange` and subscribers, which put tokens into the mailbox.
     """
 
-    def __init__(self, config: LockstepConfig, mailbox: Mailbox, namespaces: Callable[[], Collection[str]]) -> None:
+    def __init__(
+        self, config: LockstepConfig, mailbox: Mailbox, namespaces: Callable[[], Collection[str]]
+    ) -> None:
         """Replaces rospy's publishers and subscribers from now on.
 
         Args:
@@ -72,7 +74,9 @@ class LockstepGate:
         #: until: the tick at which the current period ends
         self.period = self.until = period_of(config.rate, "~lockstep/rate")
         self._config, self._mailbox, self._namespaces = config, mailbox, namespaces
-        self.changed: Callable[[], None] = lambda: None  #: called when the set of wanted topics has changed
+        self.changed: Callable[[], None] = lambda: (
+            None
+        )  #: called when the set of wanted topics has changed
         self._state = Lockstep()
         self._expected: list[str] | None = None
         self._inlets: dict[str, rospy.Publisher] = {}
@@ -83,8 +87,14 @@ class LockstepGate:
         self._began = self._asked = self._said = time.monotonic()
         self._probed: float | None = None
         self._answers: dict[str, LockstepToken] = {}
-        rospy.Subscriber(RINGS, String, lambda message: mailbox.post(partial(self._expect, message.data.split())))
-        rospy.Subscriber(WITHHELD, String, lambda message: mailbox.post(partial(self._withhold, message.data.split())))
+        rospy.Subscriber(
+            RINGS, String, lambda message: mailbox.post(partial(self._expect, message.data.split()))
+        )
+        rospy.Subscriber(
+            WITHHELD,
+            String,
+            lambda message: mailbox.post(partial(self._withhold, message.data.split())),
+        )
 
     def holds(self, tick: int) -> bool:
         """Returns whether time stands still at ``tick``; asks absent rings to join, and probes late members.
@@ -120,9 +130,13 @@ class LockstepGate:
         stamp, own = _time(tick), exchange.take(conversions.joined_transforms)
         self._began, self._probed, self._resend_after = time.monotonic(), None, _RESEND_AFTER
         for ring, messages in state.begin_period(own):
-            members, wants = ([], []) if ring.told else ([exchange.name, *state.members], sorted(state.wants))
+            members, wants = (
+                ([], []) if ring.told else ([exchange.name, *state.members], sorted(state.wants))
+            )
             ring.told = True
-            token = LockstepToken(LockstepToken.PERIOD, state.period, stamp, members, wants, messages)
+            token = LockstepToken(
+                LockstepToken.PERIOD, state.period, stamp, members, wants, messages
+            )
             self._tokens[ring.name] = token
             self._inlets[ring.name].publish(token)
 
@@ -168,7 +182,9 @@ class LockstepGate:
             self._inlets[ring.name].publish(token)
         if self._state.stands and time.monotonic() - self._said > _SAY_AFTER:
             self._said = time.monotonic()
-            rospy.loginfo("lockstep waits for %s", ", ".join(ring.name or "/" for ring in self._state.absent))
+            rospy.loginfo(
+                "lockstep waits for %s", ", ".join(ring.name or "/" for ring in self._state.absent)
+            )
 
     def _watch(self) -> None:
         """Resends tokens to late rings; probes them after the deadline, and then decides how to proceed."""
@@ -177,7 +193,11 @@ class LockstepGate:
             self._resend_after += min(self._resend_after + _RESEND_AFTER, _RESEND_PAUSE)
             # Members that have finished the period pass their own token on.
             for ring in self._state.late:
-                rospy.loginfo("lockstep: sending %s the token of period %d again", ring.name or "/", self._state.period)
+                rospy.loginfo(
+                    "lockstep: sending %s the token of period %d again",
+                    ring.name or "/",
+                    self._state.period,
+                )
                 self._outlets[ring.name].keep_connected()
                 self._inlets[ring.name].publish(self._tokens[ring.name])
         if not deadline or now - self._began < deadline:
@@ -202,7 +222,9 @@ class LockstepGate:
         text = f"lockstep: period {self._state.period} was not done within {self._config.deadline:g} s: {text}"
         if self._config.silence == "abort":
             raise LockstepError(text)
-        rospy.logerr("%s; continuing without %s", text, ", ".join(ring.name or "/" for ring in late))
+        rospy.logerr(
+            "%s; continuing without %s", text, ", ".join(ring.name or "/" for ring in late)
+        )
         for ring in late:
             self._state.drop(ring)
         self.exchange.deliver(self._state.end_period())

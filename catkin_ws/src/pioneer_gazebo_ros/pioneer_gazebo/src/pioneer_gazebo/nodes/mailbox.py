@@ -93,7 +93,9 @@ LONGEST = 400
 """Maximum length of an error text [characters]; names sent by clients may have millions."""
 
 
-def serve(name: str, kind: Any, handler: Callable[[Any], Any], mailbox: Mailbox | None = None) -> None:
+def serve(
+    name: str, kind: Any, handler: Callable[[Any], Any], mailbox: Mailbox | None = None
+) -> None:
     """Serves ``/gazebo/NAME`` with ``handler``, in the thread of ``mailbox`` or, without one, in the service's own.
 
     The handler returns a response, the text of an otherwise default response, or None; ``success`` and "ok" are filled
@@ -106,7 +108,11 @@ def serve(name: str, kind: Any, handler: Callable[[Any], Any], mailbox: Mailbox 
             found = handler(request) if mailbox is None else mailbox.call(lambda: handler(request))
         except (SimulatorError, ValueError, ClosedError) as error:
             text = str(error)
-            text = text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} … {text[-LONGEST // 2 :]}"
+            text = (
+                text
+                if len(text) <= LONGEST
+                else f"{text[: LONGEST // 2]} … {text[-LONGEST // 2 :]}"
+            )
             rospy.logerr("%s: %s", name, text)
             return _stated(kind._response_class(), False, text)
         response = kind._response_class() if found is None or isinstance(found, str) else found

@@ -27,10 +27,17 @@ def world_text(plan: Path) -> str:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Parses the command line and writes the worlds; returns the exit status."""
-    parser = argparse.ArgumentParser("plan_to_world", description="Turns drawn floor plans into Gazebo worlds.")
-    parser.add_argument("plan", nargs="+", type=Path, help="file with the drawing; worlds/plan/ has examples")
+    parser = argparse.ArgumentParser(
+        "plan_to_world", description="Turns drawn floor plans into Gazebo worlds."
+    )
     parser.add_argument(
-        "-d", "--directory", type=Path, help="where NAME.world goes (default: above the plan's directory)"
+        "plan", nargs="+", type=Path, help="file with the drawing; worlds/plan/ has examples"
+    )
+    parser.add_argument(
+        "-d",
+        "--directory",
+        type=Path,
+        help="where NAME.world goes (default: above the plan's directory)",
     )
     options = parser.parse_args(sys.argv[1:] if argv is None else argv)
     for plan in options.plan:

@@ -82,7 +82,9 @@ class Port:
                 refusing.warn(f"{self.entity.name}: {error}; the last command holds")
 
         self._connections.append(
-            rospy.Subscriber(self.name(name), message_class, callback, queue_size=1, tcp_nodelay=True)
+            rospy.Subscriber(
+                self.name(name), message_class, callback, queue_size=1, tcp_nodelay=True
+            )
         )
 
     def every(
@@ -109,12 +111,20 @@ class Port:
         """
 
         def wanted() -> bool:
-            return always or any(one.wanted for one in topics) or (transforms and self.context.transforms.wanted)
+            return (
+                always
+                or any(one.wanted for one in topics)
+                or (transforms and self.context.transforms.wanted)
+            )
 
         rate = rate if rate > 0 else 1.0 / self.simulation.physics.step
-        self._tasks.append(self.context.schedule.add(f"{self.entity.name}: {what}", rate, action, wanted))
+        self._tasks.append(
+            self.context.schedule.add(f"{self.entity.name}: {what}", rate, action, wanted)
+        )
 
-    def stream(self, name: str, message_class: type, rate: float, frame: Callable[[int], bytes | bytearray]) -> None:
+    def stream(
+        self, name: str, message_class: type, rate: float, frame: Callable[[int], bytes | bytearray]
+    ) -> None:
         """Publishes a topic at ``rate`` [Hz] while it has subscribers; ``frame`` makes the frame for a time [ns]."""
         topic = self.topic(name, message_class)
         self.every(rate, name, lambda tick: topic.send(frame(nanoseconds(tick))), topic)

@@ -64,12 +64,16 @@ class Robots:
     Used from the simulation's thread; callbacks of the robots' subscribers only store a command.
     """
 
-    def __init__(self, simulation: Simulation, timeline: Timeline, transforms: TransformTopic) -> None:
+    def __init__(
+        self, simulation: Simulation, timeline: Timeline, transforms: TransformTopic
+    ) -> None:
         self._simulation = simulation
         self._ports: dict[str, Port] = {}
         self._drawing: TinyRenderer | None = None
         budget = Budget(timeline.pacer)
-        self._context = Context(simulation, timeline.schedule, transforms, timeline.present, self._renderer, budget)
+        self._context = Context(
+            simulation, timeline.schedule, transforms, timeline.present, self._renderer, budget
+        )
 
     def __len__(self) -> int:
         """Returns the number of robots."""
@@ -94,7 +98,13 @@ class Robots:
         moved = math.dist(entity.initial.position[:2], pose.position[:2])
         if moved > 0:
             x, y, _ = entity.initial.position
-            rospy.logwarn("%s: its pose overlaps something; it is moved by %.2f m to (%.2f, %.2f)", name, moved, x, y)
+            rospy.logwarn(
+                "%s: its pose overlaps something; it is moved by %.2f m to (%.2f, %.2f)",
+                name,
+                moved,
+                x,
+                y,
+            )
         try:
             self._start(entity)
         except SimulatorError:
@@ -155,7 +165,9 @@ class Robots:
     def remove_lost(self) -> None:
         """Removes models that have left the world's bounds or whose state is not finite."""
         for name in self._simulation.lost():
-            rospy.logerr("model %s has left the world or its state is not finite: it is removed", name)
+            rospy.logerr(
+                "model %s has left the world or its state is not finite: it is removed", name
+            )
             self.delete(name)
 
     def publish_collisions(self) -> None:

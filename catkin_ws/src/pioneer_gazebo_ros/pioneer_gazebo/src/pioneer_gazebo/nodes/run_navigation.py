@@ -13,7 +13,13 @@ from pioneer_gazebo.adapters.drawn_map import read_map
 from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses, robots_of_file
 from pioneer_gazebo.adapters.resource import package_directory
 from pioneer_gazebo.core.argument import ArgumentError, option, options_from_arguments
-from pioneer_gazebo.core.fleet import FleetError, InitialPose, check_place, pose_of_entry, robot_of_host
+from pioneer_gazebo.core.fleet import (
+    FleetError,
+    InitialPose,
+    check_place,
+    pose_of_entry,
+    robot_of_host,
+)
 from pioneer_gazebo.core.lockstep import LOCKSTEP
 from pioneer_gazebo.nodes.session import LaunchFile, Session, SessionError, host_name, run_command
 from pioneer_node.core.fleet_file import RobotEntry
@@ -30,28 +36,47 @@ WORLD = "/world_name"
 class NavigationOptions:
     """Command line options."""
 
-    robot_name: str = option("", "the robot driven from here, else pioneerX on a host aadiX", "ROBOT_NAME")
-    world_name: str = option("", "the world it stands in, for its initial pose; empty for the base station's", "WORLD")
-    poses: str = option("", "YAML file of initial poses; empty for pioneer_description's")
-    fleet: str = option("", "fleet file that has the robot's pose, laser topic and move_base parameters", "FLEET")
-    gateway: bool = option(True, "pull and flip the robot's topics through this master's gateway")
-    start_gateway: bool = option(False, "start that gateway, too, and the master: step 2 under the same launcher")
-    traffic: bool = option(False, "keep the right of way with the other robots that do (pioneer_traffic)")
-    parameters: str = option(
-        "", "YAML file of parameters that replace those of the robot's nodes, named as amcl/min_particles"
+    robot_name: str = option(
+        "", "the robot driven from here, else pioneerX on a host aadiX", "ROBOT_NAME"
     )
-    real_time_factor: str = option("", "lockstep where the simulator runs so, else ignored", "REAL_TIME_FACTOR")
+    world_name: str = option(
+        "", "the world it stands in, for its initial pose; empty for the base station's", "WORLD"
+    )
+    poses: str = option("", "YAML file of initial poses; empty for pioneer_description's")
+    fleet: str = option(
+        "", "fleet file that has the robot's pose, laser topic and move_base parameters", "FLEET"
+    )
+    gateway: bool = option(True, "pull and flip the robot's topics through this master's gateway")
+    start_gateway: bool = option(
+        False, "start that gateway, too, and the master: step 2 under the same launcher"
+    )
+    traffic: bool = option(
+        False, "keep the right of way with the other robots that do (pioneer_traffic)"
+    )
+    parameters: str = option(
+        "",
+        "YAML file of parameters that replace those of the robot's nodes, named as amcl/min_particles",
+    )
+    real_time_factor: str = option(
+        "", "lockstep where the simulator runs so, else ignored", "REAL_TIME_FACTOR"
+    )
 
 
-def options_from(arguments: Sequence[str], environ: Mapping[str, str], host: str) -> NavigationOptions:
+def options_from(
+    arguments: Sequence[str], environ: Mapping[str, str], host: str
+) -> NavigationOptions:
     """Returns the options of a command line; environment and host provide defaults.
 
     Raises:
         ArgumentError: unknown name, invalid value, or no robot name.
     """
-    options = options_from_arguments(NavigationOptions, arguments, environ, robot_name=robot_of_host(host) or "")
+    options = options_from_arguments(
+        NavigationOptions, arguments, environ, robot_name=robot_of_host(host) or ""
+    )
     if not options.robot_name:
-        raise ArgumentError(f"no robot name; set robot_name:= or ROBOT_NAME (host {host} is not named aadiX)")
+        raise ArgumentError(
+            f"no robot name; set robot_name:= or ROBOT_NAME (host {host} is not named aadiX)"
+        )
     return options
 
 
@@ -102,7 +127,9 @@ def start_pose(options: NavigationOptions, world: str) -> tuple[InitialPose, Pat
     poses = Path(options.poses).expanduser() if options.poses else poses_of_world(world)
     pose = pose_of_entry(*entry_of(options), read_poses(poses), str(poses))
     grid = (package_directory() or Path()) / "map" / f"{world}.yaml"
-    check_place(read_map(grid) if grid.is_file() else None, options.robot_name, pose.x, pose.y, world)
+    check_place(
+        read_map(grid) if grid.is_file() else None, options.robot_name, pose.x, pose.y, world
+    )
     return pose, poses
 
 
@@ -130,9 +157,17 @@ def navigate(session: Session, options: NavigationOptions) -> None:
     session.say(f"starting the navigation of {options.robot_name} in {world}")
     robot, _ = entry_of(options)
     lockstep = options.real_time_factor == LOCKSTEP
-    session.launch(launch_files(robot, pose, str(poses), options.traffic, options.parameters, lockstep))
+    session.launch(
+        launch_files(robot, pose, str(poses), options.traffic, options.parameters, lockstep)
+    )
     if options.gateway:
-        session.run("rocon_flip", "flip-from-remote", *(["--pull"] if wanted else []), robot.name, robot.laser)
+        session.run(
+            "rocon_flip",
+            "flip-from-remote",
+            *(["--pull"] if wanted else []),
+            robot.name,
+            robot.laser,
+        )
         if options.traffic:
             session.run("rocon_flip", "flip-traffic")
         if lockstep:

@@ -21,7 +21,13 @@ from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses, robots
 from pioneer_gazebo.adapters.resource import map_path, package_directory, world_path
 from pioneer_gazebo.core.argument import ArgumentError, option, options_from_arguments
 from pioneer_gazebo.core.error import SpawnError
-from pioneer_gazebo.core.fleet import InitialPose, PlacementError, check_place, pose_of_entry, robot_names
+from pioneer_gazebo.core.fleet import (
+    InitialPose,
+    PlacementError,
+    check_place,
+    pose_of_entry,
+    robot_names,
+)
 from pioneer_gazebo.core.lockstep import LOCKSTEP
 from pioneer_gazebo.core.pose import quaternion_from_rpy
 from pioneer_gazebo.nodes.session import LaunchFile, Session, SessionError, run_command, succeeds
@@ -49,7 +55,8 @@ class SimulationOptions:
     )
     seed: int = option(0, "of every random number of the simulation")
     map_name: str = option(
-        "", "map in pioneer_gazebo/map; empty for the world's, which is beside a .world file of your own"
+        "",
+        "map in pioneer_gazebo/map; empty for the world's, which is beside a .world file of your own",
     )
     map_file: str = option("", "path of a map's YAML file, for a map from elsewhere")
     poses: str = option("", "YAML file of initial poses; empty for pioneer_description's")
@@ -60,15 +67,22 @@ class SimulationOptions:
     laser_samples: int = option(180, "beams a scan")
     laser_rate: float = option(10.0, "scans a second [Hz]")
     odom_rate: float = option(100.0, "odometry messages a second [Hz]")
-    command_timeout: float = option(0.6, "without a command for longer a robot stops [s]; 0 for never")
+    command_timeout: float = option(
+        0.6, "without a command for longer a robot stops [s]; 0 for never"
+    )
     camera: bool = option(False, "robots carry cameras")
     sonar: bool = option(False, "robots carry sonars")
-    driver: bool = option(False, "robots have the topics of a real Pioneer's driver: battery, bumpers, sonar ring")
+    driver: bool = option(
+        False, "robots have the topics of a real Pioneer's driver: battery, bumpers, sonar ring"
+    )
     parameters: str = option(
-        "", "YAML file of parameters that replace those of the simulator; names without namespaces inside"
+        "",
+        "YAML file of parameters that replace those of the simulator; names without namespaces inside",
     )
     lockstep: bool = option(False, "the same as real_time_factor:=lockstep")
-    lockstep_rings: str = option("", "space-separated rings of nodes that lockstep waits for; empty for the robots")
+    lockstep_rings: str = option(
+        "", "space-separated rings of nodes that lockstep waits for; empty for the robots"
+    )
 
 
 def options_from(arguments: Sequence[str], environ: Mapping[str, str]) -> SimulationOptions:
@@ -80,7 +94,9 @@ def options_from(arguments: Sequence[str], environ: Mapping[str, str]) -> Simula
     defaults = {}
     if environ.get(FACTOR) == LOCKSTEP:
         defaults["lockstep"], environ = True, {**environ, FACTOR: ""}
-    arguments = ["lockstep:=true" if word == f"real_time_factor:={LOCKSTEP}" else word for word in arguments]
+    arguments = [
+        "lockstep:=true" if word == f"real_time_factor:={LOCKSTEP}" else word for word in arguments
+    ]
     options = options_from_arguments(SimulationOptions, arguments, environ, **defaults)
     if options.map_name and options.map_file:
         raise ArgumentError("map_name and map_file are two maps: give one")
@@ -93,17 +109,28 @@ def fleet_robots(options: SimulationOptions) -> tuple[RobotEntry, ...]:
     Raises:
         FleetError: the fleet file is invalid.
     """
-    return robots_of_file(options.fleet) if options.fleet else tuple(map(RobotEntry, robot_names(options.robots)))
+    return (
+        robots_of_file(options.fleet)
+        if options.fleet
+        else tuple(map(RobotEntry, robot_names(options.robots)))
+    )
 
 
-def fleet_poses(options: SimulationOptions, world: str, robots: Sequence[RobotEntry]) -> dict[str, InitialPose]:
+def fleet_poses(
+    options: SimulationOptions, world: str, robots: Sequence[RobotEntry]
+) -> dict[str, InitialPose]:
     """Returns each robot's initial pose, by name, in order."""
     path = Path(options.poses).expanduser() if options.poses else poses_of_world(world)
     content = read_poses(path)
-    return {one.name: pose_of_entry(one, number, content, str(path)) for number, one in enumerate(robots, 1)}
+    return {
+        one.name: pose_of_entry(one, number, content, str(path))
+        for number, one in enumerate(robots, 1)
+    }
 
 
-def launch_files(options: SimulationOptions, world: Path, grid: Path, robots: Sequence[RobotEntry]) -> list[LaunchFile]:
+def launch_files(
+    options: SimulationOptions, world: Path, grid: Path, robots: Sequence[RobotEntry]
+) -> list[LaunchFile]:
     """Returns all launch files: the world (paused until the robots are spawned), descriptions, robots and map.
 
     Args:
@@ -124,13 +151,28 @@ def launch_files(options: SimulationOptions, world: Path, grid: Path, robots: Se
     }
     description = {
         name: str(getattr(options, name)).lower()
-        for name in ("laser_samples", "laser_rate", "odom_rate", "command_timeout", "camera", "sonar", "driver")
+        for name in (
+            "laser_samples",
+            "laser_rate",
+            "odom_rate",
+            "command_timeout",
+            "camera",
+            "sonar",
+            "driver",
+        )
     }
     return [
         ("pioneer_gazebo", "multi_pioneer_world.launch", simulator),
         ("pioneer_description", "robot_description.launch", description),
-        *(("pioneer_description", "generic_pioneer.launch", _robot_arguments(robot)) for robot in robots),
-        ("pioneer_description", "robot_state_publishers.launch", {"robots": " ".join(robot.name for robot in robots)}),
+        *(
+            ("pioneer_description", "generic_pioneer.launch", _robot_arguments(robot))
+            for robot in robots
+        ),
+        (
+            "pioneer_description",
+            "robot_state_publishers.launch",
+            {"robots": " ".join(robot.name for robot in robots)},
+        ),
         ("nav_bundle", "map_server.launch", {"map_file": str(grid)}),
     ]
 
@@ -168,7 +210,12 @@ def simulate(session: Session, options: SimulationOptions) -> None:
     robots = fleet_robots(options)
     poses = fleet_poses(options, world, robots)
     drawn = read_map(grid)
-    poses = _possible(session, options, poses, lambda robot, pose: check_place(drawn, robot, pose.x, pose.y, world))
+    poses = _possible(
+        session,
+        options,
+        poses,
+        lambda robot, pose: check_place(drawn, robot, pose.x, pose.y, world),
+    )
     robots = tuple(robot for robot in robots if robot.name in poses)
     session.wait_for_master()
     if options.gateway:
@@ -179,9 +226,13 @@ def simulate(session: Session, options: SimulationOptions) -> None:
     master.setParam("/robot_names", list(poses))
     session.say(f"starting {world} with {counted(len(poses), 'robot')}")
     session.launch(launch_files(options, path, grid, robots))
-    rospy.init_node(NAME.replace("-", "_"), anonymous=True, disable_signals=True, disable_rostime=True)
+    rospy.init_node(
+        NAME.replace("-", "_"), anonymous=True, disable_signals=True, disable_rostime=True
+    )
     try:
-        session.wait_for(lambda: succeeds(master.lookupService, SPAWN_SERVICE), "the simulator to load the world")
+        session.wait_for(
+            lambda: succeeds(master.lookupService, SPAWN_SERVICE), "the simulator to load the world"
+        )
         ready = threading.Event()
         rospy.Subscriber("/gazebo/ready", Bool, lambda _: ready.set(), queue_size=1)
 
@@ -195,7 +246,9 @@ def simulate(session: Session, options: SimulationOptions) -> None:
         if not options.paused:
             _unpause()
             session.wait_for(ready.is_set, "the simulator's first steps")
-        session.say(f"{counted(len(poses), 'robot')} {'stands' if len(poses) == 1 else 'stand'} in {world}")
+        session.say(
+            f"{counted(len(poses), 'robot')} {'stands' if len(poses) == 1 else 'stand'} in {world}"
+        )
         if options.gateway:
             session.run("rocon_flip", "flip-from-hub", "--advertise", *poses)
             session.say("topics are advertised and flipped")
@@ -208,7 +261,9 @@ def _spawn(robot: str, description: str, pose: InitialPose) -> None:
     """Spawns a robot in the namespace of its name; raises SpawnError."""
     at = Pose(Point(pose.x, pose.y, 0.0), Quaternion(*quaternion_from_rpy(0.0, 0.0, pose.a)))
     try:
-        answer = rospy.ServiceProxy(SPAWN_SERVICE, SpawnModel)(robot, description, robot, at, "world")
+        answer = rospy.ServiceProxy(SPAWN_SERVICE, SpawnModel)(
+            robot, description, robot, at, "world"
+        )
     except rospy.ServiceException as error:
         raise SpawnError(f"spawning {robot} failed: {error}") from None
     if not answer.success:
@@ -250,7 +305,9 @@ def _check_master(session: Session) -> None:
     parameter = f"{GATEWAY}/name"
     # The parameter outlives its gateway.
     name = (
-        str(master.getParam(parameter)) if master.hasParam(parameter) and succeeds(master.lookupNode, GATEWAY) else ""
+        str(master.getParam(parameter))
+        if master.hasParam(parameter) and succeeds(master.lookupNode, GATEWAY)
+        else ""
     )
     if not name and succeeds(master.lookupNode, "/hub"):
         port = (urllib.parse.urlsplit(uri).port or 11311) + 1
@@ -268,4 +325,6 @@ def _check_master(session: Session) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; returns the exit status."""
-    return run_command(NAME, SimulationOptions, partial(options_from, environ=os.environ), simulate, argv)
+    return run_command(
+        NAME, SimulationOptions, partial(options_from, environ=os.environ), simulate, argv
+    )

@@ -72,9 +72,16 @@ def sonar_topics(port: Port, config: SonarSensor) -> None:
 def truth_topics(port: Port, config: GroundTruth) -> None:
     """Publishes a link's true pose and velocity (Odometry)."""
     variance = [config.gaussianNoise**2] * 6
-    template = conversions.OdometryTemplate(stripped(config.frameName), port.frame(config.bodyName), variance)
+    template = conversions.OdometryTemplate(
+        stripped(config.frameName), port.frame(config.bodyName), variance
+    )
     truth = Truth(port.simulation, port.entity, config)
-    port.stream(config.topicName, Odometry, config.updateRate, lambda time: template.fill(time, *truth.motion()))
+    port.stream(
+        config.topicName,
+        Odometry,
+        config.updateRate,
+        lambda time: template.fill(time, *truth.motion()),
+    )
 
 
 def joint_state_topics(port: Port, config: JointStatePublisher) -> None:
@@ -99,10 +106,16 @@ def bumper_topics(port: Port, config: Bumper) -> None:
     state = partial(_contact_state, port, own)
 
     def publish(tick: int) -> None:
-        contacts = [one for one in port.simulation.contacts(port.entity) if one.part == part and one.force > 0]
+        contacts = [
+            one
+            for one in port.simulation.contacts(port.entity)
+            if one.part == part and one.force > 0
+        ]
         if contacts:
             message = ContactsState(states=[state(one) for one in contacts])
-            topic.send(conversions.stamped_frame(message, nanoseconds(tick), stripped(config.frameName)))
+            topic.send(
+                conversions.stamped_frame(message, nanoseconds(tick), stripped(config.frameName))
+            )
 
     port.every(config.update_rate, config.bumperTopicName, publish, topic)
 
@@ -134,7 +147,11 @@ def camera_topics(port: Port, config: Camera) -> None:
     intrinsics = conversions.info_of(config)
 
     depth = port.topic(f"{config.name}/{config.depth_topic}", Image) if config.depth_topic else None
-    cloud = port.topic(f"{config.name}/{config.cloud_topic}", PointCloud2) if config.cloud_topic else None
+    cloud = (
+        port.topic(f"{config.name}/{config.cloud_topic}", PointCloud2)
+        if config.cloud_topic
+        else None
+    )
 
     def send(topic: Topic | None, tick: int, make: Callable[[], Any]) -> None:
         if topic is not None and topic.wanted:
@@ -144,7 +161,9 @@ def camera_topics(port: Port, config: Camera) -> None:
         def draw() -> None:
             eye = simulation.link_pose(port.entity, config.link).compose(config.pose)
             moving = [(entity, simulation.part_poses(entity)) for entity in simulation.entities()]
-            picture, far = port.context.renderer().picture(config, eye, simulation.standing.values(), moving)
+            picture, far = port.context.renderer().picture(
+                config, eye, simulation.standing.values(), moving
+            )
             seen = noisy(picture, config.noise_stddev, noise)
             send(image, tick, lambda: conversions.image_of(seen, config))
             send(depth, tick, lambda: conversions.depth_of(far))
@@ -155,7 +174,9 @@ def camera_topics(port: Port, config: Camera) -> None:
     def publish_info(tick: int) -> None:
         info.send(conversions.stamped_frame(intrinsics, nanoseconds(tick), frame))
 
-    port.every(config.update_rate, config.image_topic, publish_image, *filter(None, (image, depth, cloud)))
+    port.every(
+        config.update_rate, config.image_topic, publish_image, *filter(None, (image, depth, cloud))
+    )
     port.every(config.update_rate, config.info_topic, publish_info, info)
 
 

@@ -122,7 +122,9 @@ class Session(roslaunch.pmon.ProcessListener):
         """Called by roslaunch, in its thread, when a node has ended."""
         name = process_name.rpartition("-")[0].strip("/")
         if name in self._required:
-            self._ended.append(f"/{name} ended with exit status {exit_code}; its log is in {get_log_dir()}/latest")
+            self._ended.append(
+                f"/{name} ended with exit status {exit_code}; its log is in {get_log_dir()}/latest"
+            )
         self._stop.wake()
 
     def check(self) -> None:
@@ -133,7 +135,9 @@ class Session(roslaunch.pmon.ProcessListener):
             raise SessionError(self._ended[0])
         for parent in self._parents:
             if parent.pm is not None and parent.pm.is_shutdown:
-                raise SessionError(f"a required node has ended; the logs are in {get_log_dir()}/latest")
+                raise SessionError(
+                    f"a required node has ended; the logs are in {get_log_dir()}/latest"
+                )
 
     def wait_for(self, condition: Callable[[], bool], what: str) -> None:
         """Waits until ``condition`` holds; prints ``what`` it waits for if that takes longer than `PATIENCE`."""
@@ -155,7 +159,9 @@ class Session(roslaunch.pmon.ProcessListener):
         master = rosgraph.Master(f"/{self._name}")
         self.wait_for(lambda: succeeds(master.getPid), f"the ROS master at {master.master_uri}")
         deadline = time.monotonic() + RUN_ID_PATIENCE
-        self.wait_for(lambda: master.hasParam("/run_id") or time.monotonic() > deadline, "the master's run id")
+        self.wait_for(
+            lambda: master.hasParam("/run_id") or time.monotonic() > deadline, "the master's run id"
+        )
 
     def run(self, package: str, program: str, *arguments: str) -> None:
         """Runs a package's program until it ends; if the session is interrupted, the program is ended first.
@@ -170,7 +176,9 @@ class Session(roslaunch.pmon.ProcessListener):
         except ResourceNotFound:
             paths = []
         if not paths:
-            raise SessionError(f"package {package} has no program {program}: is the workspace sourced?")
+            raise SessionError(
+                f"package {package} has no program {program}: is the workspace sourced?"
+            )
         command = [paths[0], *arguments]
         process = launcher.started(command)
         try:

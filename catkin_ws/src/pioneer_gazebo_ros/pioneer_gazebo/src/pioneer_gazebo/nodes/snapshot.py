@@ -56,15 +56,21 @@ class Snapshot:
         self._model = self._service("get_model_state", srv.GetModelState)
         self._link = self._service("get_link_state", srv.GetLinkState)
         self._silent = False
-        self._file = world_from_sdf(world_path(rospy.get_param("/gazebo/world_name", "utm_0")), model_path())
-        self._scans = [topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/LaserScan"]
+        self._file = world_from_sdf(
+            world_path(rospy.get_param("/gazebo/world_name", "utm_0")), model_path()
+        )
+        self._scans = [
+            topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/LaserScan"
+        ]
 
     @staticmethod
     def _service(name: str, kind: type) -> rospy.ServiceProxy:
         try:
             rospy.wait_for_service(f"/gazebo/{name}", PATIENCE)
         except rospy.ROSException:
-            raise SnapshotError(f"no simulator serves /gazebo/{name} at {rosgraph.get_master_uri()}") from None
+            raise SnapshotError(
+                f"no simulator serves /gazebo/{name} at {rosgraph.get_master_uri()}"
+            ) from None
         return rospy.ServiceProxy(f"/gazebo/{name}", kind)
 
     def solids(self) -> list[Section]:
@@ -80,14 +86,20 @@ class Snapshot:
         moving = [name for name in names if not self._properties(name).is_static]
         text = rospy.get_param("/robot_description", "")
         self._robot = body_from_robot(robot_from_urdf(text), triangles_of_mesh) if text else None
-        self._bodies = {model.name: body_from_model(model, triangles_of_mesh) for model in self._file.models}
+        self._bodies = {
+            model.name: body_from_model(model, triangles_of_mesh) for model in self._file.models
+        }
         return [self._shown(name) for name in moving]
 
     def _outline(self, name: str, z: float) -> NDArray[np.float64]:
         """Returns a model's outline at laser height, of a robot at that of its own laser; empty if unknown."""
         if name in self._bodies:
             return outline_of(self._bodies[name], LASER_HEIGHT - z, triangles_of_mesh)
-        return NO_OUTLINE if self._robot is None else outline_of(self._robot, LASER_HEIGHT, triangles_of_mesh)
+        return (
+            NO_OUTLINE
+            if self._robot is None
+            else outline_of(self._robot, LASER_HEIGHT, triangles_of_mesh)
+        )
 
     def _shown(self, name: str) -> Shown:
         pose = conversions.pose_from_message(self._model(name, "").pose)
@@ -100,7 +112,10 @@ class Snapshot:
                 sensor = self._sensor(name, scan.header.frame_id, pose)
                 hits, eye = ends(scan, sensor), sensor.position[:2]
             except rospy.ROSException:
-                print(f"snapshot: {topic} brings no scan (is time paused?): drawn without scans", file=sys.stderr)
+                print(
+                    f"snapshot: {topic} brings no scan (is time paused?): drawn without scans",
+                    file=sys.stderr,
+                )
                 self._silent = True
         return Shown(name, x, y, pose.yaw, self._outline(name, z), hits, eye)
 
@@ -122,9 +137,15 @@ def ends(scan: LaserScan, sensor: Pose) -> NDArray[np.float64]:
 def main(argv: Sequence[str] | None = None) -> int:
     """Parses the command line and writes the image; returns the exit status."""
     words = rospy.myargv(sys.argv)[1:] if argv is None else argv
-    parser = argparse.ArgumentParser("snapshot", description="Draws the running simulation from above.")
-    parser.add_argument("-o", "--output", type=Path, default=Path("snapshot.png"), help="default: %(default)s")
-    parser.add_argument("--size", type=int, default=1200, help="of the longer side [pixels] (default %(default)s)")
+    parser = argparse.ArgumentParser(
+        "snapshot", description="Draws the running simulation from above."
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path("snapshot.png"), help="default: %(default)s"
+    )
+    parser.add_argument(
+        "--size", type=int, default=1200, help="of the longer side [pixels] (default %(default)s)"
+    )
     options = parser.parse_args(words)
     if not 100 <= options.size <= 20000:
         parser.error(f"--size must be 100 to 20000 pixels, not {options.size}")

@@ -31,15 +31,30 @@ def parser() -> argparse.ArgumentParser:
     source.add_argument("-file", type=Path, metavar="FILE", help="read the model from a file")
     source.add_argument("-stdin", action="store_true", help="read the model from standard input")
     result.add_argument("-model", required=True, metavar="NAME", help="name of the model")
-    result.add_argument("-robot_namespace", default=None, metavar="NS", help="of its topics (default: this node's)")
-    result.add_argument("-reference_frame", default="", metavar="NAME", help="of the pose (default: the world)")
-    result.add_argument("-gazebo_namespace", default="/gazebo", metavar="NS", help="of the simulator's services")
+    result.add_argument(
+        "-robot_namespace", default=None, metavar="NS", help="of its topics (default: this node's)"
+    )
+    result.add_argument(
+        "-reference_frame", default="", metavar="NAME", help="of the pose (default: the world)"
+    )
+    result.add_argument(
+        "-gazebo_namespace", default="/gazebo", metavar="NS", help="of the simulator's services"
+    )
     result.add_argument("-unpause", action="store_true", help="unpause the simulation afterwards")
     result.add_argument("-wait", metavar="MODEL", help="wait until this model exists")
-    result.add_argument("-timeout", type=float, default=float("inf"), help="give up waiting after so many seconds")
+    result.add_argument(
+        "-timeout", type=float, default=float("inf"), help="give up waiting after so many seconds"
+    )
     result.add_argument("-world", metavar="WORLD", help="check the place against this world's map; what is left out of "
         "x, y and Y is pioneer1's in that world")  # fmt: skip
-    for name, text in (("x", "[m]"), ("y", "[m]"), ("z", "[m]"), ("R", "[rad]"), ("P", "[rad]"), ("Y", "[rad]")):
+    for name, text in (
+        ("x", "[m]"),
+        ("y", "[m]"),
+        ("z", "[m]"),
+        ("R", "[rad]"),
+        ("P", "[rad]"),
+        ("Y", "[rad]"),
+    ):
         result.add_argument(f"-{name}", type=float, dest=f"pose_{name}", help=f"{text} (default 0)")
     return result
 
@@ -57,7 +72,9 @@ def place_of(options: argparse.Namespace) -> InitialPose:
         default = initial_pose(read_poses(poses), "pioneer1", str(poses))
     given = (options.pose_x, options.pose_y, options.pose_Y)
     known = (default.x, default.y, default.a)
-    place = InitialPose(*(one if value is None else value for value, one in zip(given, known, strict=True)))
+    place = InitialPose(
+        *(one if value is None else value for value, one in zip(given, known, strict=True))
+    )
     if path and (grid := map_path(path)).is_file():
         check_place(read_map(grid), options.model, place.x, place.y, path.stem)
     return place
@@ -122,10 +139,14 @@ def spawn(options: argparse.Namespace) -> None:
         SimulatorError: no robot can start there.
     """
     place = place_of(options)
-    namespace = rospy.get_namespace() if options.robot_namespace is None else options.robot_namespace
+    namespace = (
+        rospy.get_namespace() if options.robot_namespace is None else options.robot_namespace
+    )
     rotation = quaternion_from_rpy(options.pose_R or 0.0, options.pose_P or 0.0, place.a)
     pose = Pose(Point(place.x, place.y, options.pose_z or 0.0), Quaternion(*rotation))
-    request = SpawnModelRequest(options.model, model_xml(options), namespace, pose, options.reference_frame)
+    request = SpawnModelRequest(
+        options.model, model_xml(options), namespace, pose, options.reference_frame
+    )
     if options.wait:
         wait_for_model(options)
     name = f"{options.gazebo_namespace}/spawn_{'urdf' if options.urdf else 'sdf'}_model"

@@ -45,11 +45,18 @@ class StateServices:
         """Starts the services, and the topics at ``rate`` [Hz]."""
         self._mailbox, self._simulation = timeline.mailbox, timeline.simulation
         self._sequence: dict[tuple[str, str], int] = {}
-        for what, kind, things in (("model", ModelStates, self._models), ("link", LinkStates, self._links)):
+        for what, kind, things in (
+            ("model", ModelStates, self._models),
+            ("link", LinkStates, self._links),
+        ):
             topic = Topic(f"/gazebo/{what}_states", kind, timeline.schedule.review)
             publish = partial(self._publish, topic, kind, things)
-            timeline.schedule.add(f"/gazebo/{what}_states", rate, publish, lambda topic=topic: topic.wanted)
-        rospy.Subscriber("/gazebo/set_model_state", ModelState, self._set, "model_name", queue_size=10)
+            timeline.schedule.add(
+                f"/gazebo/{what}_states", rate, publish, lambda topic=topic: topic.wanted
+            )
+        rospy.Subscriber(
+            "/gazebo/set_model_state", ModelState, self._set, "model_name", queue_size=10
+        )
         rospy.Subscriber("/gazebo/set_link_state", LinkState, self._set, "link_name", queue_size=10)
         for name, service, handler in (
             ("get_world_properties", srv.GetWorldProperties, self._world),
@@ -75,7 +82,9 @@ class StateServices:
             for link in state.links_of(self._simulation, name):
                 yield f"{name}::{link}", state.link_motion(self._simulation, name, link)
 
-    def _publish(self, topic: Topic, kind: type, things: Callable[[], Iterator[Any]], tick: int) -> None:
+    def _publish(
+        self, topic: Topic, kind: type, things: Callable[[], Iterator[Any]], tick: int
+    ) -> None:
         del tick  # these messages have no time stamp
         message: Any = kind()
         for name, (pose, velocity) in things():
@@ -94,17 +103,30 @@ class StateServices:
             rospy.logerr_throttle(1.0, f"state of {name} not set: {error}")
 
     def _place(self, name: str, wanted: ModelState | LinkState, is_link: bool = False) -> None:
-        pose, velocity = conversions.pose_from_message(wanted.pose), conversions.velocity_from_message(wanted.twist)
-        state.place(self._simulation, _checked(name) if is_link else name, pose, velocity, wanted.reference_frame)
+        pose, velocity = (
+            conversions.pose_from_message(wanted.pose),
+            conversions.velocity_from_message(wanted.twist),
+        )
+        state.place(
+            self._simulation,
+            _checked(name) if is_link else name,
+            pose,
+            velocity,
+            wanted.reference_frame,
+        )
 
     def _world(self, _: srv.GetWorldPropertiesRequest) -> srv.GetWorldPropertiesResponse:
         time = self._simulation.tick / TICK_RATE
         return srv.GetWorldPropertiesResponse(sim_time=time, model_names=self._simulation.names())
 
-    def _model_properties(self, request: srv.GetModelPropertiesRequest) -> srv.GetModelPropertiesResponse:
+    def _model_properties(
+        self, request: srv.GetModelPropertiesRequest
+    ) -> srv.GetModelPropertiesResponse:
         name = request.model_name
         links = state.links_of(self._simulation, name)
-        response = srv.GetModelPropertiesResponse(canonical_body_name=links[0] if links else "", body_names=links)
+        response = srv.GetModelPropertiesResponse(
+            canonical_body_name=links[0] if links else "", body_names=links
+        )
         standing = self._simulation.standing.get(name)
         if standing is not None:
             response.is_static = True
@@ -136,7 +158,9 @@ class StateServices:
 
     def _set_joints(self, request: srv.SetModelConfigurationRequest) -> str:
         if len(request.joint_names) != len(request.joint_positions):
-            raise ValueError(f"{len(request.joint_names)} joints and {len(request.joint_positions)} positions")
+            raise ValueError(
+                f"{len(request.joint_names)} joints and {len(request.joint_positions)} positions"
+            )
         entity = self._simulation.entity(request.model_name)
         for name, position in zip(request.joint_names, request.joint_positions, strict=True):
             try:
@@ -152,7 +176,9 @@ class StateServices:
         return entity, state.part_of(entity, link)[0]
 
     def _link_state(self, request: srv.GetLinkStateRequest) -> srv.GetLinkStateResponse:
-        pose, velocity = state.relative(self._simulation, _checked(request.link_name), request.reference_frame)
+        pose, velocity = state.relative(
+            self._simulation, _checked(request.link_name), request.reference_frame
+        )
         message = LinkState(
             request.link_name,
             conversions.message_from_pose(pose),
@@ -166,7 +192,9 @@ class StateServices:
         self._place(name, request.link_state, is_link=True)
         return f"state of {name} set; its whole model moved along"
 
-    def _link_properties(self, request: srv.GetLinkPropertiesRequest) -> srv.GetLinkPropertiesResponse:
+    def _link_properties(
+        self, request: srv.GetLinkPropertiesRequest
+    ) -> srv.GetLinkPropertiesResponse:
         entity, part = self._moving(request.link_name)
         rigid = entity.body.parts[part]
         inertia = rigid.inertia
@@ -180,7 +208,9 @@ class StateServices:
             status_message="values are for all links merged by fixed joints",
         )
 
-    def _joint_properties(self, request: srv.GetJointPropertiesRequest) -> srv.GetJointPropertiesResponse:
+    def _joint_properties(
+        self, request: srv.GetJointPropertiesRequest
+    ) -> srv.GetJointPropertiesResponse:
         entity, part, joint = self._find_joint(request.joint_name)
         [(position, rate)] = self._simulation.joints(entity, [part])
         return srv.GetJointPropertiesResponse(

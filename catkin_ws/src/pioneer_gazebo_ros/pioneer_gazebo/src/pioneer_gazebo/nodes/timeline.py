@@ -141,7 +141,9 @@ class Timeline:
         self._after_tick = after_tick
         self._gate = gate
         self._clock = Topic("/clock", Clock, self.schedule.review)
-        self.schedule.add("/clock", clock_rate, self._publish_clock, lambda: self._clock.wanted, False)
+        self.schedule.add(
+            "/clock", clock_rate, self._publish_clock, lambda: self._clock.wanted, False
+        )
 
     def present(self) -> int:
         """Returns the current tick, or the target of the current step if the simulation lags. Thread-safe."""

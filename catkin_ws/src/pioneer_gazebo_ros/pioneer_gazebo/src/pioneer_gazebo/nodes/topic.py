@@ -100,15 +100,21 @@ def publish_while_alive(publisher: rospy.Publisher, message: Any) -> None:
 class Topic(rospy.SubscribeListener):
     """A publisher of serialised frames. Used from one thread; rospy reports subscribers in its own threads."""
 
-    def __init__(self, name: str, message_class: type, changed: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self, name: str, message_class: type, changed: Callable[[], None] = lambda: None
+    ) -> None:
         """Advertises ``name``; ``changed`` is called, in any thread, when a subscriber connects or disconnects."""
         self._changed = changed
         self._outlets: dict[Any, _Outlet] = {}
         self._stale = True
-        self.exchange = Exchange.current  #: carries messages to nodes in lockstep; None without lockstep
+        self.exchange = (
+            Exchange.current
+        )  #: carries messages to nodes in lockstep; None without lockstep
         self._name = rospy.resolve_name(name)
         # With a queue size, rospy does not write, and thus never blocks, in this thread; its queues stay empty.
-        self._publisher = rospy.Publisher(name, message_class, subscriber_listener=self, queue_size=FRAMES_KEPT)
+        self._publisher = rospy.Publisher(
+            name, message_class, subscriber_listener=self, queue_size=FRAMES_KEPT
+        )
         _bear_late_goodbyes(self._publisher.impl)
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:

@@ -68,7 +68,9 @@ class WorldServices:
         [model] = world.models
         prepare(model.links, model.static, rospy.loginfo)
         pose = self._mailbox.call(lambda: self._initial_pose(request))
-        self._mailbox.call(lambda: self._robots.add_model(replace(model.moved(pose), name=name), namespace))
+        self._mailbox.call(
+            lambda: self._robots.add_model(replace(model.moved(pose), name=name), namespace)
+        )
         return _spawned(name)
 
     def _initial_pose(self, request: srv.SpawnModelRequest) -> Pose:
@@ -92,14 +94,20 @@ class WorldServices:
 
     def _set_physics(self, request: srv.SetPhysicsPropertiesRequest) -> str:
         if not (math.isfinite(request.max_update_rate) and request.max_update_rate >= 0):
-            raise ValueError(f"max_update_rate must be 0 (as fast as possible) or more, not {request.max_update_rate}")
+            raise ValueError(
+                f"max_update_rate must be 0 (as fast as possible) or more, not {request.max_update_rate}"
+            )
         if not (math.isfinite(request.time_step) and request.time_step > 0):
             raise ValueError(f"time_step must be above 0, not {request.time_step}")
         iterations = request.ode_config.sor_pgs_iters or self._simulation.physics.iterations
         gravity = vector_from_message(request.gravity)
         # Steps are integer numbers of ticks: a step that was read and rounded by a caller must not change.
         ticks = round(request.time_step * TICK_RATE)
-        step = ticks / TICK_RATE if abs(ticks - request.time_step * TICK_RATE) < 1e-3 and ticks else request.time_step
+        step = (
+            ticks / TICK_RATE
+            if abs(ticks - request.time_step * TICK_RATE) < 1e-3 and ticks
+            else request.time_step
+        )
         self._simulation.configure(Physics(step, iterations, gravity))
         self._timeline.set_factor(request.max_update_rate * step)
         return "physics set"
@@ -133,7 +141,9 @@ def _namespace(request: srv.SpawnModelRequest) -> str:
         ModelError: it is not a legal ROS name.
     """
     namespace = request.robot_namespace.strip("/")
-    if namespace and not (len(namespace) <= LONGEST_NAMESPACE and rosgraph.names.is_legal_name(namespace)):
+    if namespace and not (
+        len(namespace) <= LONGEST_NAMESPACE and rosgraph.names.is_legal_name(namespace)
+    ):
         raise ModelError(
             f"robot_namespace {namespace[:60]!r} ({len(namespace)} characters) is no name in ROS:"
             f" at most {LONGEST_NAMESPACE} letters, digits, _ and /, a letter first"

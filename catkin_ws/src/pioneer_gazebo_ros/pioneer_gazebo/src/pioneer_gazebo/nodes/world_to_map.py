@@ -38,7 +38,9 @@ def write_map(path: Path, grey: NDArray[np.uint8], extent: Extent) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     image = path.with_suffix(".pgm")
     rows, cols = grey.shape
-    image.write_bytes(b"P5\n%d %d\n255\n" % (cols, rows) + np.ascontiguousarray(grey[::-1]).tobytes())
+    image.write_bytes(
+        b"P5\n%d %d\n255\n" % (cols, rows) + np.ascontiguousarray(grey[::-1]).tobytes()
+    )
     text = _YAML.format(image=image.name, resolution=extent.resolution, x=extent.x, y=extent.y)
     path.with_suffix(".yaml").write_text(text)
 
@@ -70,7 +72,9 @@ def map_of_world(
         static_only: whether to omit dynamic models. Actors are always omitted.
     """
     placed = [one for one in world.collisions(static_only) if one.model.script is None]
-    sections = [section_of(item.collision.shape, item.pose, height, triangles_of_mesh) for item in placed]
+    sections = [
+        section_of(item.collision.shape, item.pose, height, triangles_of_mesh) for item in placed
+    ]
     grid = extent or Extent.around(sections, resolution, margin) or _extent_of(resolution)
     return grey_map(occupied_cells(sections, grid), outside_unknown), grid
 
@@ -103,8 +107,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     loose = [model.name for model in world.models if not model.static and model.script is None]
     if loose:
-        how = "are left out" if options.static_only else "are drawn where they start; --static-only leaves them out"
-        print(f"world_to_map: {len(loose)} models that can move ({', '.join(loose[:3])} …) {how}", file=sys.stderr)
+        how = (
+            "are left out"
+            if options.static_only
+            else "are drawn where they start; --static-only leaves them out"
+        )
+        print(
+            f"world_to_map: {len(loose)} models that can move ({', '.join(loose[:3])} …) {how}",
+            file=sys.stderr,
+        )
     for warning in world.warnings:
         print(f"world_to_map: {warning}", file=sys.stderr)
     target = Path(options.output) if options.output else map_path(path)
@@ -112,10 +123,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         write_map(target, grey, extent)
     except OSError as error:
         print(
-            f"world_to_map: cannot write {error.filename}: {error.strerror}; -o PATH writes elsewhere", file=sys.stderr
+            f"world_to_map: cannot write {error.filename}: {error.strerror}; -o PATH writes elsewhere",
+            file=sys.stderr,
         )
         return 1
-    print(f"{target.with_suffix('.yaml')}: {extent.cols} × {extent.rows} cells of {extent.resolution:g} m")
+    print(
+        f"{target.with_suffix('.yaml')}: {extent.cols} × {extent.rows} cells of {extent.resolution:g} m"
+    )
     return 0
 
 
@@ -130,12 +144,23 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         "world_to_map", description="Draws a world's map: what stands in it at one height."
     )
-    parser.add_argument("world", help="name of a world of this package, or the path of a .world file")
+    parser.add_argument(
+        "world", help="name of a world of this package, or the path of a .world file"
+    )
     parser.add_argument("-o", "--output", help="path of the map without suffix (default: beside the world's file, "
         "where run-multi-pioneer-gazebo-master looks; this package's map/NAME for its own worlds)")  # fmt: skip
-    parser.add_argument("--height", type=float, default=LASER_HEIGHT, help="of the cut [m] (default %(default)s)")
-    parser.add_argument("--resolution", type=_positive, default=0.05, help="side of a cell [m] (default %(default)s)")
-    parser.add_argument("--margin", type=float, default=0.5, help="around the world [m] (default %(default)s)")
+    parser.add_argument(
+        "--height", type=float, default=LASER_HEIGHT, help="of the cut [m] (default %(default)s)"
+    )
+    parser.add_argument(
+        "--resolution",
+        type=_positive,
+        default=0.05,
+        help="side of a cell [m] (default %(default)s)",
+    )
+    parser.add_argument(
+        "--margin", type=float, default=0.5, help="around the world [m] (default %(default)s)"
+    )
     parser.add_argument(
         "--extent",
         type=float,
@@ -145,6 +170,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--static-only", action="store_true", help="leave out models that can move")
     parser.add_argument(
-        "--outside", choices=("unknown", "free"), default="unknown", help="what lies outside closed walls"
+        "--outside",
+        choices=("unknown", "free"),
+        default="unknown",
+        help="what lies outside closed walls",
     )
     return parser

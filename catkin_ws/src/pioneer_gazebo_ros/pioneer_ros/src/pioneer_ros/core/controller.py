@@ -32,7 +32,14 @@ class Gains:
         """
         x, y, z, roll, pitch, yaw = command
         linear, angular = self.linear, self.angular
-        result = (linear * x, linear * y, linear * z, angular * roll, angular * pitch, angular * yaw)
+        result = (
+            linear * x,
+            linear * y,
+            linear * z,
+            angular * roll,
+            angular * pitch,
+            angular * yaw,
+        )
         if not math.isfinite(sum(abs(part) for part in result)):
             raise CommandError(f"velocity {command} is not finite")
         return result
@@ -46,7 +53,9 @@ def gains_from_parameters(parameters: Mapping[str, Any], owner: str) -> Gains:
     Raises:
         ParameterError: a gain is not a finite number.
     """
-    gains = _inner(_inner(parameters, "controller_gains", "", owner), "body", "controller_gains/", owner)
+    gains = _inner(
+        _inner(parameters, "controller_gains", "", owner), "body", "controller_gains/", owner
+    )
     parts = {"linear": 1.0, "angular": 1.0}
     for name in gains:
         if name not in parts:
@@ -74,8 +83,14 @@ def _proportional(values: Any, where: str, owner: str) -> float:
             continue
         if name != "p":
             UNKNOWN.report(owner, name, ["p"], f"{where}/")
-        elif isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise ParameterError(f"{owner}: parameter ~{where}/{name} must be a finite number, not {value!r}")
+        elif (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not math.isfinite(value)
+        ):
+            raise ParameterError(
+                f"{owner}: parameter ~{where}/{name} must be a finite number, not {value!r}"
+            )
     return float(values.get("p", 1.0))
 
 

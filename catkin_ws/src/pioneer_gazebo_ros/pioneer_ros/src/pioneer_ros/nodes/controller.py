@@ -39,7 +39,9 @@ class ControllerNode:
         """Stops the robot if the source has been silent for too long."""
         if self._watchdog.expired(self._node.now()):
             self._publisher.publish(CommandMessage(ZERO))
-            self._node.logger.warning("no command for %.1f s while the robot was moving: stopped it", SILENCE)
+            self._node.logger.warning(
+                "no command for %.1f s while the robot was moving: stopped it", SILENCE
+            )
         if not self._watchdog.armed:
             self._looks.stop()
 

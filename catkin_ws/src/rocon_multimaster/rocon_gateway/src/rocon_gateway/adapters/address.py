@@ -37,10 +37,15 @@ def interface_address(interface: str) -> str:
     """
     import ifaddr  # imported only if an interface is configured
 
-    addresses = {adapter.name: [ip.ip for ip in adapter.ips if ip.is_IPv4] for adapter in ifaddr.get_adapters()}
+    addresses = {
+        adapter.name: [ip.ip for ip in adapter.ips if ip.is_IPv4]
+        for adapter in ifaddr.get_adapters()
+    }
     if not addresses.get(interface):
         known = ", ".join(sorted(name for name, own in addresses.items() if own))
-        raise ConfigError(f"gateway: ~network_interface: no interface {interface!r} with an address here, only {known}")
+        raise ConfigError(
+            f"gateway: ~network_interface: no interface {interface!r} with an address here, only {known}"
+        )
     return str(addresses[interface][0])
 
 

@@ -30,7 +30,9 @@ class GatewayClient:
         try:
             services = self._client.ask_master("getSystemState")[2]
         except (ClientError, OSError) as error:
-            raise NoGatewayError(f"no ROS master at {uri} ({error}); is ROS_MASTER_URI right?") from None
+            raise NoGatewayError(
+                f"no ROS master at {uri} ({error}); is ROS_MASTER_URI right?"
+            ) from None
         found = [name for name, _ in services if name.endswith(SUFFIX) and self._is_gateway(name)]
         if not found:
             raise NoGatewayError(f"no gateway runs on the master {uri}")

@@ -14,7 +14,12 @@ from concurrent.futures import ThreadPoolExecutor, wait
 import rosgraph.network
 
 from rocon_gateway.adapters.hub_session import HubSession
-from rocon_gateway.core.examination import Contact, Examination, ExaminationError, examination_from_text
+from rocon_gateway.core.examination import (
+    Contact,
+    Examination,
+    ExaminationError,
+    examination_from_text,
+)
 from rocon_hub_protocol.discovery import Discovery
 from rocon_hub_protocol.key import EXAMINE_KEY, examined_key
 from rocon_hub_protocol.sighting import Sighting
@@ -78,7 +83,9 @@ def first_python() -> tuple[str, bool, str]:
     first = shutil.which("python3") or ""
     if not first:
         return "", False, sys.executable
-    tried = subprocess.run([first, "-c", "import rospy"], capture_output=True, check=False, stdin=subprocess.DEVNULL)
+    tried = subprocess.run(
+        [first, "-c", "import rospy"], capture_output=True, check=False, stdin=subprocess.DEVNULL
+    )
     return first, tried.returncode == 0, sys.executable
 
 
@@ -107,7 +114,9 @@ def examination(session: HubSession, gateway: str) -> Examination:
     """
     name = rosgraph.network.get_host_name()
     name = name if name != "localhost" else socket.gethostname()
-    alive = [one.record for one in session.describe(()) if not one.silence and one.record.name != gateway]
+    alive = [
+        one.record for one in session.describe(()) if not one.silence and one.record.name != gateway
+    ]
     return Examination(
         gateway,
         clock_offset(session),

@@ -35,7 +35,9 @@ class Examiner:
             if len(waiting) < MAX_WAITING:
                 waiting.add(request)
         if idle:
-            threading.Thread(target=self._look, args=(session,), name="examination", daemon=True).start()
+            threading.Thread(
+                target=self._look, args=(session,), name="examination", daemon=True
+            ).start()
 
     def _look(self, session: HubSession) -> None:
         # Imported on first use.

@@ -12,7 +12,12 @@ from dataclasses import dataclass
 import redis
 
 from rocon_gateway.adapters.address import own_address
-from rocon_gateway.adapters.hub_session import HEARTBEAT, Description, HubSession, event_from_message
+from rocon_gateway.adapters.hub_session import (
+    HEARTBEAT,
+    Description,
+    HubSession,
+    event_from_message,
+)
 from rocon_gateway.core.hub_state import HubState, Publication
 from rocon_gateway.core.presence import Candidate, HubView
 from rocon_hub_protocol.code import Code, HubError
@@ -48,7 +53,9 @@ class HubContext:
     linked: Callable[[], Collection[str]]  #: returns the gateways with open data links
     #: called from the hub's thread with each new view, and with None when the thread ends
     take: Callable[["HubClient", HubView | None], None]
-    complain: Callable[[object, str], None]  #: called with an address and the reason why there is no hub
+    complain: Callable[
+        [object, str], None
+    ]  #: called with an address and the reason why there is no hub
     #: called with a session and the id of an examination request; does not block
     examine: Callable[[HubSession, str], None]
     logger: logging.Logger  #: receives one line when a hub is found and one when it is lost
@@ -70,10 +77,14 @@ class HubClient:
         context: shared callbacks and settings.
     """
 
-    def __init__(self, ways: Sequence[Candidate], named: bool, said: Publication, context: HubContext) -> None:
+    def __init__(
+        self, ways: Sequence[Candidate], named: bool, said: Publication, context: HubContext
+    ) -> None:
         self.ways = tuple(ways)
         self.named = named
-        self.lost_since = time.monotonic()  #: when the hub was last connected, or first tried; monotonic [s]
+        self.lost_since = (
+            time.monotonic()
+        )  #: when the hub was last connected, or first tried; monotonic [s]
         self.refused = False  #: whether this gateway refused the hub at the last attempt
         self.failures = 0  #: number of failed rounds over all addresses since the last connection
         self._context = context
@@ -87,7 +98,9 @@ class HubClient:
         self._stopping = False
         self._pipe = threading.Lock()
         self._wake_reader, self._wake_writer = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
-        self._thread = threading.Thread(target=self._run, name=f"hub {self.ways[0].address}", daemon=True)
+        self._thread = threading.Thread(
+            target=self._run, name=f"hub {self.ways[0].address}", daemon=True
+        )
         self._thread.start()
 
     def publish(self, said: Publication) -> None:
@@ -208,7 +221,9 @@ class HubClient:
         self._state.enter(session, host, time.monotonic())
         self._session, self._told_lost, self.failures = session, False, 0
         self._nameless.clear()
-        self._context.logger.info("on hub '%s' at %s as '%s'", session.hub_name, session.address, session.name)
+        self._context.logger.info(
+            "on hub '%s' at %s as '%s'", session.hub_name, session.address, session.name
+        )
 
     def _exit(self, session: HubSession) -> None:
         self._session = None

@@ -94,7 +94,9 @@ class HubSession:
             for _ in channels:
                 self.events.get_message(timeout=TIMEOUT)
         except (redis.exceptions.AuthenticationError, redis.exceptions.ResponseError) as error:
-            raise HubError(Code.HUB_CONNECTION_FAILED, f"the hub at {address} {_refusal(error)}") from None
+            raise HubError(
+                Code.HUB_CONNECTION_FAILED, f"the hub at {address} {_refusal(error)}"
+            ) from None
         except UnicodeError as error:  # a name with an empty or too long part
             text = f"no hub at {address}: the name is invalid: {error}"
             raise HubError(Code.HUB_CONNECTION_UNRESOLVABLE, text) from None
@@ -104,7 +106,9 @@ class HubSession:
     def _introduce(self) -> str:
         name, protocol, salt = self.client.mget(NAME_KEY, PROTOCOL_KEY, SALT_KEY)
         if name is None:
-            raise HubError(Code.HUB_NAME_NOT_FOUND, f"the Redis at {self.address} is not a hub: it has no name")
+            raise HubError(
+                Code.HUB_NAME_NOT_FOUND, f"the Redis at {self.address} is not a hub: it has no name"
+            )
         if protocol != str(PROTOCOL):
             text = f"the hub '{name}' at {self.address} speaks protocol {protocol}, this gateway speaks {PROTOCOL}"
             raise HubError(Code.HUB_CONNECTION_FAILED, text)
@@ -123,7 +127,9 @@ class HubSession:
         """The live instance registered under our name, if any."""
         return self.client.get(alive_key(self.name))
 
-    def join(self, record: Record, requests: Mapping[str, PeerRequest], namespaces: Collection[str] = ()) -> None:
+    def join(
+        self, record: Record, requests: Mapping[str, PeerRequest], namespaces: Collection[str] = ()
+    ) -> None:
         """Registers us, replacing an earlier gateway of our name. Record and requests are written before the event.
 
         Older requests under our name are withdrawn from gateways to which we have no request now.
@@ -153,7 +159,9 @@ class HubSession:
             if isinstance(error, redis.RedisError):
                 raise error
 
-    def _tell(self, pipe: redis.client.Pipeline, event: str, namespaces: Collection[str] = ()) -> None:
+    def _tell(
+        self, pipe: redis.client.Pipeline, event: str, namespaces: Collection[str] = ()
+    ) -> None:
         said: dict[str, object] = {"gateway": self.name, "event": event}
         if namespaces:
             said["namespaces"] = sorted(namespaces)
@@ -217,8 +225,13 @@ class HubSession:
             texts = self._requests(senders)
         except redis.ResponseError as error:
             self.client.delete(requests_key(self.name))
-            raise HubError(Code.HUB_CONNECTION_LOST, f"our requests there could not be read: {error}") from None
-        return {**dict.fromkeys(texts), **dict(_sound(list(texts), list(texts.values()), request_from_text))}
+            raise HubError(
+                Code.HUB_CONNECTION_LOST, f"our requests there could not be read: {error}"
+            ) from None
+        return {
+            **dict.fromkeys(texts),
+            **dict(_sound(list(texts), list(texts.values()), request_from_text)),
+        }
 
     def _requests(self, senders: Collection[str] | None) -> dict[str, str | None]:
         if senders is None:
@@ -230,7 +243,11 @@ class HubSession:
         """Writes the changes since the last write; nothing if we have lost our name, which `live` will report."""
         if record == self._record and requests == self._written:
             return
-        changed = [one for one in {*requests, *self._written} if requests.get(one) != self._written.get(one)]
+        changed = [
+            one
+            for one in {*requests, *self._written}
+            if requests.get(one) != self._written.get(one)
+        ]
 
         def fill(pipe: redis.client.Pipeline) -> None:
             if record != self._record:
@@ -247,7 +264,9 @@ class HubSession:
         if self._execute_as((self.instance,), fill):
             self._record, self._written = record, dict(requests)
 
-    def _execute_as(self, holders: Collection[str | None], fill: Callable[[redis.client.Pipeline], None]) -> bool:
+    def _execute_as(
+        self, holders: Collection[str | None], fill: Callable[[redis.client.Pipeline], None]
+    ) -> bool:
         """Executes a transaction only if one of `holders` holds our name until its end; returns whether it did.
 
         A gateway that has lost its name must not overwrite the requests of the new holder.

@@ -119,7 +119,9 @@ class Hubs:
         with self._changed:
             return self._view
 
-    def publish(self, record: Record, requests: Mapping[str, PeerRequest], interest: frozenset[str]) -> None:
+    def publish(
+        self, record: Record, requests: Mapping[str, PeerRequest], interest: frozenset[str]
+    ) -> None:
         """Sets our record, our request to each gateway, and the patterns of the gateways to follow."""
         said = Publication(record, requests, interest)
         with self._changed:
@@ -148,11 +150,15 @@ class Hubs:
         session.close()
         with self._changed:
             if self._is_on(session.identity):
-                raise HubError(Code.HUB_CONNECTION_ALREADY_EXISTS, f"on hub '{session.hub_name}' already")
+                raise HubError(
+                    Code.HUB_CONNECTION_ALREADY_EXISTS, f"on hub '{session.hub_name}' already"
+                )
             if not any(way in hub.ways for hub in self._hubs):
                 self._add((way,), named=True)
             if not self._changed.wait_for(lambda: self._is_on(session.identity), patience):
-                raise HubError(Code.HUB_CONNECTION_FAILED, f"registering at {way.address} took too long")
+                raise HubError(
+                    Code.HUB_CONNECTION_FAILED, f"registering at {way.address} took too long"
+                )
 
     def describe(self, names: Collection[str]) -> list[Description]:
         """Returns what the hubs know of these gateways, or of all if empty, each once; an empty list without a hub."""
@@ -192,7 +198,9 @@ class Hubs:
         record, config = self._said.record, self._config
         session = HubSession(way.address, config.access, record.name, record.instance)
         try:
-            check_lists(way.address, session.hub_name, config.whitelist, config.blacklist, way.aliases)
+            check_lists(
+                way.address, session.hub_name, config.whitelist, config.blacklist, way.aliases
+            )
         except HubError:
             session.close()
             raise
@@ -273,9 +281,17 @@ class Hubs:
             # In random order: a client that announces thousands of hubs must not control which ones are tried.
             for ways in random.sample(seen, len(seen)):
                 room = sum(not hub.named for hub in self._hubs) < MOST_FOUND
-                if room and ways not in self._refused and not any(set(ways) & set(hub.ways) for hub in self._hubs):
+                if (
+                    room
+                    and ways not in self._refused
+                    and not any(set(ways) & set(hub.ways) for hub in self._hubs)
+                ):
                     self._add(ways, named=False)
-            found = [hub for hub in self._hubs if not hub.named] if self._view.connected or crowded else []
+            found = (
+                [hub for hub in self._hubs if not hub.named]
+                if self._view.connected or crowded
+                else []
+            )
             lost = [hub for hub in found if not self._memberships.is_on(hub)]
         for hub in lost:
             if (crowded and hub.failures > 1) or time.monotonic() - hub.lost_since > PATIENCE:

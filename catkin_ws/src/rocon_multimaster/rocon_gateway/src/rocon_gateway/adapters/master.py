@@ -82,7 +82,9 @@ class MasterWatch:
         """Returns whether a node is a gateway's proxy; cached as long as the node has any connection."""
         if node not in self._proxies:
             try:
-                self._proxies[node] = is_proxy_uri(str(value(self._post(request("lookupNode", self._node, node)))))
+                self._proxies[node] = is_proxy_uri(
+                    str(value(self._post(request("lookupNode", self._node, node))))
+                )
             except UnknownError:
                 # The node has disappeared between two calls; the next poll will show it.
                 return True
@@ -105,7 +107,11 @@ def _rows(state: Any) -> list[_Row]:
     """Returns kind, name and nodes of each entry in a master's system state. Raises MasterError."""
     try:
         publishers, subscribers, services = state
-        parts = (Kind.PUBLISHER, publishers), (Kind.SUBSCRIBER, subscribers), (Kind.SERVICE, services)
+        parts = (
+            (Kind.PUBLISHER, publishers),
+            (Kind.SUBSCRIBER, subscribers),
+            (Kind.SERVICE, services),
+        )
         rows = [(kind, name, nodes) for kind, part in parts for name, nodes in part]
     except (ValueError, TypeError) as error:
         raise MasterError(f"invalid system state from the ROS master: {error}") from None

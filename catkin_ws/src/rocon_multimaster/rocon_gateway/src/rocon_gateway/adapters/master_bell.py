@@ -68,7 +68,9 @@ class MasterBell:
         if ready and reader not in ready:
             pause = self._ration.take(time.monotonic()) if self._has_told() else LOOK_PERIOD
             ready |= readable([reader], pause)
-        self.is_due = bool(ready) or not self._tells or time.monotonic() >= self._looked + TOLD_PERIOD
+        self.is_due = (
+            bool(ready) or not self._tells or time.monotonic() >= self._looked + TOLD_PERIOD
+        )
         if self.is_due:
             self._looked = time.monotonic()
         return reader in ready
@@ -95,7 +97,11 @@ class MasterBell:
         """Reads the master's answer; returns whether it is a notification."""
         try:
             answer = self._line.read()
-        except (MasterError, http.client.HTTPException, OSError):  # the master has ended or closed the connection
+        except (
+            MasterError,
+            http.client.HTTPException,
+            OSError,
+        ):  # the master has ended or closed the connection
             self.close()
             return False
         self._is_asked = False

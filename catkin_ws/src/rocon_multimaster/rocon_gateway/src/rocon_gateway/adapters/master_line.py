@@ -35,9 +35,8 @@ class MasterLine:
     def __init__(self, uri: str) -> None:
         parts = urllib.parse.urlsplit(uri)
         self._address = parts.hostname or "localhost", parts.port or 11311
-        self._head = (
-            f"POST /RPC2 HTTP/1.1\r\nHost: {parts.netloc}\r\nContent-Type: text/xml\r\nContent-Length: ".encode()
-        )
+        fields = f"Host: {parts.netloc}\r\nContent-Type: text/xml\r\nContent-Length: "
+        self._head = f"POST /RPC2 HTTP/1.1\r\n{fields}".encode()
         self._socket: socket.socket | None = None
 
     @property
@@ -73,7 +72,9 @@ class MasterLine:
             if response.will_close:
                 self.close()
             if response.status != http.client.OK:
-                raise MasterError(f"the ROS master answers with the error {response.status} {response.reason}")
+                raise MasterError(
+                    f"the ROS master answers with the error {response.status} {response.reason}"
+                )
         return answer
 
     def close(self) -> None:

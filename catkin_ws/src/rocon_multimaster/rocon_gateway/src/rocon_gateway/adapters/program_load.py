@@ -36,7 +36,9 @@ class ProgramLoad:
         """Returns the load since the last look, with no CPU time at the first; ``now`` is monotonic [s]."""
         there = [name for name in os.listdir(self._root) if name.isdigit()]
         known = self._belongs
-        self._belongs = {name: known[name] if name in known else self._is_of_master(name) for name in there}
+        self._belongs = {
+            name: known[name] if name in known else self._is_of_master(name) for name in there
+        }
         spent, memory = dict[str, float](), 0
         for name in (one for one in there if self._belongs[one]):
             # A process that ends meanwhile is not counted.

@@ -27,7 +27,11 @@ def actions(local: Collection[Connection]) -> frozenset[Connection]:
     found = set()
     for goal in local:
         name = goal.name.removesuffix(_GOAL)
-        if not name or name == goal.name or not (goal.type == ANY or goal.type.endswith(_GOAL_TYPE)):
+        if (
+            not name
+            or name == goal.name
+            or not (goal.type == ANY or goal.type.endswith(_GOAL_TYPE))
+        ):
             continue
         kind = Kind.ACTION_SERVER if goal.kind == Kind.SUBSCRIBER else Kind.ACTION_CLIENT
         action = Connection(kind, name, goal.type.removesuffix(_GOAL_TYPE), goal.node)
@@ -45,7 +49,13 @@ def parts(connection: Connection) -> Iterator[Connection]:
     for rows, published in ((_FROM_CLIENT, is_client), (_FROM_SERVER, not is_client)):
         for suffix, type_ in rows:
             kind = Kind.PUBLISHER if published else Kind.SUBSCRIBER
-            full = type_ if "/" in type_ else ANY if connection.type == ANY else connection.type + type_
+            full = (
+                type_
+                if "/" in type_
+                else ANY
+                if connection.type == ANY
+                else connection.type + type_
+            )
             yield Connection(kind, f"{connection.name}/{suffix}", full, connection.node)
 
 

@@ -23,19 +23,27 @@ class GatewayConfig:
     """Parameters of the node `gateway`. Those that rocon has too keep rocon's names."""
 
     name: str = "gateway"  #: the gateway's readable name
-    disable_uuids: bool = False  #: use `name` as the unique name; otherwise 32 hexadecimal digits are appended
+    disable_uuids: bool = (
+        False  #: use `name` as the unique name; otherwise 32 hexadecimal digits are appended
+    )
     #: the hub's address, `http://host:port` (`rediss://` with TLS) or `host:port`; several separated by semicolons, or
     #: a list
     hub_uri: Any = ""
     hub_whitelist: Any = ()  #: names or addresses of the only hubs to join; empty allows all
     hub_blacklist: Any = ()  #: names or addresses of hubs never to join
-    hub_password_file: str = ""  #: file with the hub's password; empty: use the environment, or none
+    hub_password_file: str = (
+        ""  #: file with the hub's password; empty: use the environment, or none
+    )
     #: directory with the fleet's certificates, for TLS with hubs and gateways; empty: use the environment, or none
     tls_directory: str = ""
     insecure: bool = False  #: accept links from other machines without password and certificate
-    disable_zeroconf: bool = False  #: do not search for hubs by mDNS; the search only runs without `hub_uri`
+    disable_zeroconf: bool = (
+        False  #: do not search for hubs by mDNS; the search only runs without `hub_uri`
+    )
     firewall: bool = True  #: refuse flips to this gateway
-    watch_loop_period: float = 10.0  #: longest time between two reconciliations, even without visible changes [s]
+    watch_loop_period: float = (
+        10.0  #: longest time between two reconciliations, even without visible changes [s]
+    )
     default_blacklist: Any = ()  #: `{name, node, type}` of connections that never leave this gateway
     default_advertisements: Any = ()  #: `{name, node, type}`
     default_flips: Any = ()  #: `{gateway, rule: {name, node, type}}`; without `rule`, everything is flipped there
@@ -69,7 +77,9 @@ class GatewayConfig:
             raise ConfigError("gateway: ~watch_loop_period must be greater than 0")
         if not 0 <= self.relay_port < 65536:
             raise ConfigError(f"gateway: ~relay_port must be 0 to 65535, not {self.relay_port}")
-        for parameter, value in [("namespace", self.namespace)] * bool(self.namespace.strip("/")) + [
+        for parameter, value in [("namespace", self.namespace)] * bool(
+            self.namespace.strip("/")
+        ) + [
             ("robot_namespaces", one) for one in _entries("robot_namespaces", self.robot_namespaces)
         ]:
             if not is_namespace(value.removeprefix("/")):
@@ -155,7 +165,11 @@ def book_from_config(config: GatewayConfig, name: str) -> tuple[RuleBook, tuple[
     if config.advertise_all:
         book = book.advertising_all(())
     changes: tuple[tuple[str, Any, Callable[[RuleBook, object], RuleBook]], ...] = (
-        ("default_advertisements", config.default_advertisements, lambda book, row: book.advertised([_rule(row)])),
+        (
+            "default_advertisements",
+            config.default_advertisements,
+            lambda book, row: book.advertised([_rule(row)]),
+        ),
         ("default_flips", config.default_flips, partial(_with_remote, "flip")),
         ("default_pulls", config.default_pulls, partial(_with_remote, "pull")),
     )
@@ -185,7 +199,9 @@ def _rule(row: object) -> Rule:
     node = str(row.get("node") or "")
     # In YAML, people write None for no node.
     node = "" if node.lower() == "none" else node
-    return rule_from_text(str(row.get("type") or ""), str(row.get("name") or ""), node, Code.HUB_UNKNOWN_ERROR)
+    return rule_from_text(
+        str(row.get("type") or ""), str(row.get("name") or ""), node, Code.HUB_UNKNOWN_ERROR
+    )
 
 
 def _rows(value: Any) -> Sequence[object]:

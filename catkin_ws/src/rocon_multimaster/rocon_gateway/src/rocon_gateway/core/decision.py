@@ -35,7 +35,9 @@ class Decision:
         self._name = situation.book.name
         self._types = {one.name: one.type for one in situation.local if one.type != ANY}
         self._nodes_here = {one.node for one in situation.local}
-        self._servers_here = {one.name: one.node for one in situation.local if one.kind == Kind.SERVICE}
+        self._servers_here = {
+            one.name: one.node for one in situation.local if one.kind == Kind.SERVICE
+        }
         self._exports: dict[Key, Export] = {}
         self._imports: dict[Key, Import] = {}
         self._nodes: dict[Key, set[str]] = {}
@@ -48,9 +50,15 @@ class Decision:
 
     # Requests
 
-    def offer(self, gateway: str, connection: Connection, purpose: Purpose, to_node: str = "") -> None:
+    def offer(
+        self, gateway: str, connection: Connection, purpose: Purpose, to_node: str = ""
+    ) -> None:
         """Offers `gateway` a publisher or server of ours, and exports it there."""
-        _add(self._offers, gateway, Offer(connection.name, connection.type, connection.node, purpose, to_node))
+        _add(
+            self._offers,
+            gateway,
+            Offer(connection.name, connection.type, connection.node, purpose, to_node),
+        )
         self.export(gateway, connection)
 
     def want(self, gateway: str, want: Want) -> None:
@@ -78,12 +86,18 @@ class Decision:
     def export(self, gateway: str, connection: Connection) -> None:
         """Exports a publisher, server or parameter of ours to `gateway`."""
         subject = _SUBJECTS.get(connection.kind, Subject.TOPIC)
-        options = self._asked(connection, gateway).options if subject is Subject.TOPIC else NO_OPTIONS
-        export = Export(connection.name, connection.type, connection.node, gateway, options, subject=subject)
+        options = (
+            self._asked(connection, gateway).options if subject is Subject.TOPIC else NO_OPTIONS
+        )
+        export = Export(
+            connection.name, connection.type, connection.node, gateway, options, subject=subject
+        )
         self._exports.setdefault(export.key, export)
 
     def _asked(self, connection: Connection, gateway: str) -> OptionRule:
-        return rule_for(self._situation.options, connection.name, connection.node, gateway, self._name)
+        return rule_for(
+            self._situation.options, connection.name, connection.node, gateway, self._name
+        )
 
     def exports(self) -> frozenset[Export]:
         """Returns all exports; call it after all imports are known."""
@@ -91,7 +105,9 @@ class Decision:
         for key in sorted(self._imports, reverse=True):
             servers[key.gateway, key.topic] = self._imports[key].proxy
         return frozenset(
-            dataclasses.replace(one, subscriber=servers.get((one.to_gateway, status_topic(one.topic)), ""))
+            dataclasses.replace(
+                one, subscriber=servers.get((one.to_gateway, status_topic(one.topic)), "")
+            )
             if one.subject is Subject.TOPIC
             else one
             for one in self._exports.values()
@@ -99,16 +115,26 @@ class Decision:
 
     # Imports
 
-    def import_publisher(self, gateway: str, other: Remote, connection: Connection, nodes: str) -> PendingVerdict:
+    def import_publisher(
+        self, gateway: str, other: Remote, connection: Connection, nodes: str
+    ) -> PendingVerdict:
         """Imports a remote publisher for the nodes that match `nodes` (empty: any); returns its pending verdict."""
         here = self._types.get(connection.name, ANY)
         if ANY not in (here, connection.type) and here != connection.type:
-            return always(verdict.mismatch(connection.name, {self._name: here, gateway: connection.type}))
+            return always(
+                verdict.mismatch(connection.name, {self._name: here, gateway: connection.type})
+            )
         if (refused := self.left_out(gateway, connection)) is not None:
             return always(refused)
         options = self._asked(connection, gateway).options
         wanted = Import(
-            connection.name, connection.type, ANY, gateway, connection.node, _address(other), options=options
+            connection.name,
+            connection.type,
+            ANY,
+            gateway,
+            connection.node,
+            _address(other),
+            options=options,
         )
         clash = self._clash(wanted)
         if clash:
@@ -141,16 +167,24 @@ class Decision:
             chosen = self._chosen(wanted.topic)
             if chosen.key == wanted.key:
                 return verdict.from_link(chosen, self._situation.links)
-            return Verdict(State.REFUSED, f"{wanted.topic} is served by {chosen.proxy} here already")
+            return Verdict(
+                State.REFUSED, f"{wanted.topic} is served by {chosen.proxy} here already"
+            )
 
         return judge
 
-    def import_parameter(self, gateway: str, other: Remote, connection: Connection) -> PendingVerdict:
+    def import_parameter(
+        self, gateway: str, other: Remote, connection: Connection
+    ) -> PendingVerdict:
         """Copies a remote parameter once; returns its pending verdict. For one name, the first request wins."""
-        wanted = Import(connection.name, ANY, ANY, gateway, "", _address(other), subject=Subject.PARAMETER)
+        wanted = Import(
+            connection.name, ANY, ANY, gateway, "", _address(other), subject=Subject.PARAMETER
+        )
         chosen = self._parameters.setdefault(wanted.topic, wanted)
         if chosen.source_gateway != gateway:
-            return always(Verdict(State.REFUSED, f"{wanted.topic} is copied from {chosen.source_gateway}"))
+            return always(
+                Verdict(State.REFUSED, f"{wanted.topic} is copied from {chosen.source_gateway}")
+            )
         return lambda: verdict.from_link(wanted, self._situation.links)
 
     def imports(self) -> frozenset[Import]:
@@ -170,7 +204,11 @@ class Decision:
 
     def _service_clash(self, wanted: Import) -> str:
         server = self._servers_here.get(wanted.topic)
-        return f"{wanted.topic} is served by {server} here already" if server else self._node_clash(wanted.proxy)
+        return (
+            f"{wanted.topic} is served by {server} here already"
+            if server
+            else self._node_clash(wanted.proxy)
+        )
 
     def _node_clash(self, proxy: str) -> str:
         """Returns an error if the proxy's name is taken: registering it would shut down the existing node."""
@@ -181,7 +219,11 @@ class Decision:
         if taken:
             return taken
         key = self._proxies.setdefault((wanted.topic, wanted.proxy), wanted.key)
-        return "" if key == wanted.key else f"{wanted.proxy} stands for a node of gateway {key.gateway} already"
+        return (
+            ""
+            if key == wanted.key
+            else f"{wanted.proxy} stands for a node of gateway {key.gateway} already"
+        )
 
     def _import_for(self, key: Key) -> Import:
         """Returns the import, merged for the nodes of all rules that request it."""

@@ -68,7 +68,13 @@ def of_advertised_host(gateway: str, host: str, others: Sequence[str]) -> list[F
     if not _is_loopback(host) or all(other == host or _is_loopback(other) for other in others):
         return []
     cure = "set GATEWAY_NETWORK_INTERFACE, or ROS_IP to its machine's address in the network, before it starts"
-    return [Finding(Level.FAULT, f"gateway '{gateway}' tells others to dial {host}, which is their own machine", cure)]
+    return [
+        Finding(
+            Level.FAULT,
+            f"gateway '{gateway}' tells others to dial {host}, which is their own machine",
+            cure,
+        )
+    ]
 
 
 def _is_loopback(host: str) -> bool:
@@ -77,10 +83,16 @@ def _is_loopback(host: str) -> bool:
 
 def of_clock(offset: float, whose: str = "ours") -> Finding:
     """Checks that a clock agrees with the hub's; `offset` is how far the hub's clock is ahead [s]."""
-    what = f"the hub's clock is {abs(offset):.3f} s {'ahead of' if offset >= 0 else 'behind'} {whose}"
+    what = (
+        f"the hub's clock is {abs(offset):.3f} s {'ahead of' if offset >= 0 else 'behind'} {whose}"
+    )
     if abs(offset) <= CLOCK_TOLERANCE:
         return Finding(Level.OK, what)
-    return Finding(Level.WARNING, what, "let chrony or ntpd set both clocks; with simulated time it does not matter")
+    return Finding(
+        Level.WARNING,
+        what,
+        "let chrony or ntpd set both clocks; with simulated time it does not matter",
+    )
 
 
 def of_python(first: str, works: bool, expected: str, where: str = "") -> Finding:
@@ -97,7 +109,9 @@ def of_python(first: str, works: bool, expected: str, where: str = "") -> Findin
     found = f"the first python3 on the PATH{where}, {first}, cannot import rospy"
     folder = expected.rpartition("/")[0]
     cure = f"export PATH={folder}:$PATH{where} (programs of this workspace name their interpreter and do not need it)"
-    return Finding(Level.WARNING, found if first else f"there is no python3 on the PATH{where}", cure)
+    return Finding(
+        Level.WARNING, found if first else f"there is no python3 on the PATH{where}", cure
+    )
 
 
 def of_duplicates(names: Iterable[str]) -> list[Finding]:
@@ -131,7 +145,11 @@ def of_examinations(seen: Sequence[Examination], alive: Sequence[str]) -> list[F
     """
     answered = {one.gateway for one in seen}
     found = [
-        Finding(Level.FAULT, f"gateway '{name}' is on the hub, but does not answer the doctor", NO_ANSWER_FIX)
+        Finding(
+            Level.FAULT,
+            f"gateway '{name}' is on the hub, but does not answer the doctor",
+            NO_ANSWER_FIX,
+        )
         for name in alive
         if name not in answered
     ]
@@ -159,7 +177,13 @@ def _of_links(one: Examination, there: str, alive: Sequence[str]) -> list[Findin
             f"let TCP port {contact.port} through the firewall of {contact.host} (relay_port:=N fixes the number), and "
             f"out of the machine {there}; if that is not its address, set ROS_IP there"
         )
-        named = Contact(f"gateway '{name}', seen {there},", contact.host, contact.port, contact.address, contact.error)
+        named = Contact(
+            f"gateway '{name}', seen {there},",
+            contact.host,
+            contact.port,
+            contact.address,
+            contact.error,
+        )
         finding = of_contact(named, cure, there)
         if finding.level != Level.OK:
             found.append(finding)
@@ -169,7 +193,10 @@ def _of_links(one: Examination, there: str, alive: Sequence[str]) -> list[Findin
 def matrix(seen: Sequence[Examination], alive: Sequence[str]) -> str:
     """Returns a table of which gateway reaches which relay; columns use the row numbers."""
     by_name = {one.gateway: one for one in seen}
-    rows = [(str(number), name, *_cells(by_name.get(name), alive)) for number, name in enumerate(alive, 1)]
+    rows = [
+        (str(number), name, *_cells(by_name.get(name), alive))
+        for number, name in enumerate(alive, 1)
+    ]
     if HERE in by_name:
         rows.append(("", "(here)", *_cells(by_name[HERE], alive)))
     return table(("", "FROM \\ TO", *(str(number + 1) for number in range(len(alive)))), rows)

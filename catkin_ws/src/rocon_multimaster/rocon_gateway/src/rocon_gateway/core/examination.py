@@ -54,7 +54,9 @@ def text_from_examination(seen: Examination) -> str:
             "clock": seen.clock,
             "name": [seen.host_name, seen.host_address],
             "python": [seen.python, seen.python_works, seen.interpreter],
-            "links": [[one.what, one.host, one.port, one.address, one.error] for one in seen.contacts],
+            "links": [
+                [one.what, one.host, one.port, one.address, one.error] for one in seen.contacts
+            ],
         },
         separators=(",", ":"),
     )
@@ -79,7 +81,14 @@ def examination_from_text(text: str | bytes) -> Examination:
     name, address = _row(document.get("name"), str, str)
     python, works, interpreter = _row(document.get("python"), str, bool, str)
     return Examination(
-        gateway, float(clock), name, address, python, works, interpreter, tuple(Contact(*row) for row in rows)
+        gateway,
+        float(clock),
+        name,
+        address,
+        python,
+        works,
+        interpreter,
+        tuple(Contact(*row) for row in rows),
     )
 
 
@@ -87,6 +96,8 @@ def _row(row: Any, *kinds: type) -> list[Any]:
     if not isinstance(row, list) or [type(cell) for cell in row] != list(kinds):
         raise ExaminationError(f"not a list of {', '.join(kind.__name__ for kind in kinds)}")
     # The text is printed on a terminal, so it must not contain control sequences from an unauthenticated client.
-    if any(isinstance(cell, str) and (len(cell) > MAX_TEXT or not cell.isprintable()) for cell in row):
+    if any(
+        isinstance(cell, str) and (len(cell) > MAX_TEXT or not cell.isprintable()) for cell in row
+    ):
         raise ExaminationError("a text is too long or not printable")
     return row

@@ -14,15 +14,25 @@ from rocon_gateway.core.situation import Remote
 from rocon_hub_protocol.address import HubAddress
 from rocon_hub_protocol.code import Code, HubError
 from rocon_hub_protocol.key import GATEWAYS_KEY, record_key, requests_key
-from rocon_hub_protocol.record import NO_REQUEST, PeerRequest, Record, is_gateway_name, sound_namespaces
+from rocon_hub_protocol.record import (
+    NO_REQUEST,
+    PeerRequest,
+    Record,
+    is_gateway_name,
+    sound_namespaces,
+)
 
 
 @dataclass(frozen=True)
 class Publication:
     """What we publish on the hub."""
 
-    record: Record  #: our record; `HubState` fills in the host, which depends on the route to the hub
-    requests: Mapping[str, PeerRequest] = field(default_factory=dict)  #: our request to each other gateway
+    record: (
+        Record  #: our record; `HubState` fills in the host, which depends on the route to the hub
+    )
+    requests: Mapping[str, PeerRequest] = field(
+        default_factory=dict
+    )  #: our request to each other gateway
     interest: frozenset[str] = frozenset()  #: patterns of the gateways whose records we follow
 
 
@@ -39,7 +49,9 @@ class Session(Protocol):
 
     @property
     def holder(self) -> str | None: ...  # noqa: D102 - documented by HubSession, as are the others
-    def join(self, record: Record, requests: Mapping[str, PeerRequest], namespaces: Collection[str] = ...) -> None: ...  # noqa: D102
+    def join(  # noqa: D102
+        self, record: Record, requests: Mapping[str, PeerRequest], namespaces: Collection[str] = ...
+    ) -> None: ...
     def namespaces(self) -> frozenset[str]: ...  # noqa: D102
     def live(self) -> tuple[str | None, bool]: ...  # noqa: D102
     def present(self) -> set[str]: ...  # noqa: D102
@@ -91,7 +103,9 @@ class HubState:
     def enter(self, session: Session, host: str, now: float) -> None:
         """Registers us on the hub to which `session` has just connected; `host` is our address for other gateways."""
         if self.displaced and session.holder not in (None, session.instance):
-            raise HubError(Code.HUB_CONNECTION_FAILED, f"another gateway is registered as '{session.name}'")
+            raise HubError(
+                Code.HUB_CONNECTION_FAILED, f"another gateway is registered as '{session.name}'"
+            )
         self.displaced = False
         self._host = host
         self._presence.start(session.present(), now)
@@ -99,7 +113,11 @@ class HubState:
         self._namespaces |= session.namespaces()
         self._watched = set()
         # A listed gateway's request is on the hub or was withdrawn; the other gateways have not rewritten theirs yet.
-        known = {name: remote for name, remote in self.view.remotes.items() if name in self._presence.names}
+        known = {
+            name: remote
+            for name, remote in self.view.remotes.items()
+            if name in self._presence.names
+        }
         self._records = {name: remote.record for name, remote in known.items()}
         self._inbox = {name: known[name].request for name in known.keys() - self._presence.listed}
         self._take_requests(session, None)
@@ -116,7 +134,9 @@ class HubState:
             session.join(self._record, self._requests, self._own_namespaces)
         elif holder != session.instance:
             self.displaced = True
-            raise HubError(Code.HUB_CONNECTION_LOST, f"another gateway took our name '{session.name}'")
+            raise HubError(
+                Code.HUB_CONNECTION_LOST, f"another gateway took our name '{session.name}'"
+            )
 
     def take(self, session: Session, events: Iterable[tuple[str, str]], now: float) -> None:
         """Handles events, given as (channel, text), and reads all changed data in one go."""
@@ -144,7 +164,9 @@ class HubState:
         if self._presence.waiting:
             self._presence.settle(linked, now)
         names, interest = self._presence.names, self.said.interest
-        concerned = (self._inbox.keys() & names).union(*(gateways_meant(one, names) for one in interest))
+        concerned = (self._inbox.keys() & names).union(
+            *(gateways_meant(one, names) for one in interest)
+        )
         self._follow(session, concerned)
         for gone in {*self._inbox, *self._records} - names:
             self._inbox.pop(gone, None)

@@ -29,7 +29,9 @@ def rule_from_text(kind: str, name: str, node: str, code: Code) -> Rule:
     try:
         known = Kind(kind)
     except ValueError:
-        raise RequestError(code, f"unknown connection type '{kind}'; it is one of {', '.join(Kind)}") from None
+        raise RequestError(
+            code, f"unknown connection type '{kind}'; it is one of {', '.join(Kind)}"
+        ) from None
     if not name:
         raise RequestError(code, f"a {known} rule needs a name")
     for what, pattern in (("name", name), ("node", node)):
@@ -42,7 +44,9 @@ def check_pattern(what: str, pattern: str, code: Code) -> None:
     try:
         compiled(pattern)
     except PatternError as error:
-        raise RequestError(code, f"the {what} '{pattern}' is not a regular expression: {error}") from None
+        raise RequestError(
+            code, f"the {what} '{pattern}' is not a regular expression: {error}"
+        ) from None
 
 
 def is_literal(pattern: str) -> bool:
@@ -60,7 +64,8 @@ def name_matches(pattern: str, name: str, own_gateway: str) -> bool:
     if matches_whole(pattern, name):
         return True
     return pattern != ALL and any(
-        name.startswith(prefix) and matches_whole(pattern, name[len(prefix) :]) for prefix in (f"/{own_gateway}/", "/")
+        name.startswith(prefix) and matches_whole(pattern, name[len(prefix) :])
+        for prefix in (f"/{own_gateway}/", "/")
     )
 
 

@@ -55,15 +55,22 @@ class Memberships:
         if len(self._views) == 1:
             ((hub, view),) = self._views.items()
             self._way = dict.fromkeys(view.names, hub)
-            return Overview((view,) if view.connected else (), view.names, view.remotes, view.namespaces)
+            return Overview(
+                (view,) if view.connected else (), view.names, view.remotes, view.namespaces
+            )
         hubs = tuple(view for view in self._views.values() if view.connected)
         present = frozenset[str]().union(*(view.names for view in hubs))
-        self._views = {hub: view if view.connected else _without(view, present) for hub, view in self._views.items()}
+        self._views = {
+            hub: view if view.connected else _without(view, present)
+            for hub, view in self._views.items()
+        }
         names = present.union(*(view.names for view in self._views.values()))
         self._way = {name: self._best(name) for name in sorted(names)}
         told = {name: self._views[hub].remotes.get(name) for name, hub in self._way.items()}
         namespaces = frozenset[str]().union(*(view.namespaces for view in self._views.values()))
-        return Overview(hubs, names, {name: one for name, one in told.items() if one is not None}, namespaces)
+        return Overview(
+            hubs, names, {name: one for name, one in told.items() if one is not None}, namespaces
+        )
 
     def _best(self, name: str) -> Hashable:
         """Returns the hub to use for a gateway's data; among equals the previous one, or the first."""
@@ -71,11 +78,18 @@ class Memberships:
 
         def merit(hub: Hashable) -> tuple[bool, ...]:
             view = self._views[hub]
-            return view.connected, name in view.listed, name in view.remotes, hub == self._way.get(name)
+            return (
+                view.connected,
+                name in view.listed,
+                name in view.remotes,
+                hub == self._way.get(name),
+            )
 
         return max(knowing, key=merit)
 
 
 def _without(view: HubView, names: frozenset[str]) -> HubView:
     remotes = {name: remote for name, remote in view.remotes.items() if name not in names}
-    return dataclasses.replace(view, listed=view.listed - names, names=view.names - names, remotes=remotes)
+    return dataclasses.replace(
+        view, listed=view.listed - names, names=view.names - names, remotes=remotes
+    )

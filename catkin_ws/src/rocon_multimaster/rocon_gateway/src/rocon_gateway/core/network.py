@@ -68,7 +68,11 @@ def arrows(members: Iterable[Member]) -> list[Arrow]:
     for member in members:
         for action, rules in (("flip", member.flips), ("pull", member.pulls)):
             for remote in rules:
-                others = [name for name in names if name != member.name and gateway_matches(remote.gateway, name)]
+                others = [
+                    name
+                    for name in names
+                    if name != member.name and gateway_matches(remote.gateway, name)
+                ]
                 for target in others or [remote.gateway]:
                     key = (action, member.name, target, not others, _goes_out(action, remote.rule))
                     found.setdefault(key, []).append(str(remote.rule))
@@ -84,7 +88,10 @@ def text(hub: str, members: Iterable[Member]) -> str:
         lines.append(f"  {base_name(member.name)}" + ("" if member.alive else "  (not heard of)"))
         lines += [f"    advertises {rule}" for rule in member.advertised]
         for arrow in (one for one in drawn if one.origin == member.name):
-            sign, missing = ("-->" if arrow.outward else "<--"), "  (no such gateway)" if arrow.missing else ""
+            sign, missing = (
+                ("-->" if arrow.outward else "<--"),
+                "  (no such gateway)" if arrow.missing else "",
+            )
             lines.append(f"    {arrow.action} {sign} {base_name(arrow.target)}{missing}")
             lines += [f"      {label}" for label in arrow.labels]
     return "\n".join(lines)
@@ -103,12 +110,16 @@ def dot(hub: str, members: Iterable[Member]) -> str:
         lines.append(f"  {_quoted(member.name)} [label={_quoted(base_name(member.name))}{style}];")
         label = _label([str(rule) for rule in member.advertised])
         colour = PULL_COLOUR if member.advertised else "gray"
-        lines.append(f"  {_quoted(member.name)} -> {_quoted('hub')} [color={colour}, label={label}];")
+        lines.append(
+            f"  {_quoted(member.name)} -> {_quoted('hub')} [color={colour}, label={label}];"
+        )
     for arrow in arrows(members):
         colour = FLIP_COLOUR if arrow.action == "flip" else PULL_COLOUR
         style = ", style=dashed" if arrow.missing else ""
         ends = " -> ".join(map(_quoted, arrow.ends))
-        lines.append(f"  {ends} [color={colour}, fontcolor={colour}, label={_label(arrow.labels)}{style}];")
+        lines.append(
+            f"  {ends} [color={colour}, fontcolor={colour}, label={_label(arrow.labels)}{style}];"
+        )
     return "\n".join([*lines, *_LEGEND, "}"])
 
 

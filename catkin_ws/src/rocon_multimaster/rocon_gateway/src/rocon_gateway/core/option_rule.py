@@ -5,7 +5,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from rocon_gateway.core.matching import ALL, check_pattern, gateway_matches, name_matches, node_matches
+from rocon_gateway.core.matching import (
+    ALL,
+    check_pattern,
+    gateway_matches,
+    name_matches,
+    node_matches,
+)
 from rocon_hub_protocol.code import Code
 from rocon_relay.core.option import NO_OPTIONS, LinkOptions, OptionError, check_frames
 
@@ -20,13 +26,17 @@ class OptionRule:
     node: str
     gateway: str
     options: LinkOptions
-    foreign_nodes: bool = True  #: whether to import publishers that are nodes in another robot's namespace
+    foreign_nodes: bool = (
+        True  #: whether to import publishers that are nodes in another robot's namespace
+    )
 
 
 _NO_RULE = OptionRule(ALL, "", ALL, NO_OPTIONS)
 
 
-def rule_for(rules: Iterable[OptionRule], topic: str, node: str, gateway: str, own_gateway: str) -> OptionRule:
+def rule_for(
+    rules: Iterable[OptionRule], topic: str, node: str, gateway: str, own_gateway: str
+) -> OptionRule:
     """Returns the first rule that matches this connection with `gateway`, or one without options if none does."""
     for rule in rules:
         if (
@@ -50,7 +60,9 @@ def option_rule(row: object) -> OptionRule:
     unknown = sorted(map(str, set(row) - {*_KEYS}))
     if unknown:
         raise OptionError(f"unknown key {', '.join(unknown)}; there are {', '.join(_KEYS)}")
-    patterns = {key: str(row.get(key) or otherwise) for key, otherwise in (("name", ALL), ("node", ""))}
+    patterns = {
+        key: str(row.get(key) or otherwise) for key, otherwise in (("name", ALL), ("node", ""))
+    }
     patterns["gateway"] = str(row.get("gateway") or ALL)
     for key, pattern in patterns.items():
         check_pattern(key, pattern, Code.HUB_UNKNOWN_ERROR)
@@ -65,7 +77,9 @@ def option_rule(row: object) -> OptionRule:
         if not isinstance(pattern, str):
             raise OptionError(f"tf_frames is a pattern, not {pattern!r}")
         check_frames(pattern)
-    found = OptionRule(**patterns, options=options, foreign_nodes=_choice(row, "foreign_nodes", True))
+    found = OptionRule(
+        **patterns, options=options, foreign_nodes=_choice(row, "foreign_nodes", True)
+    )
     if found.foreign_nodes and options == NO_OPTIONS:
         raise OptionError(f"{dict(row)!r} asks for nothing")
     return found

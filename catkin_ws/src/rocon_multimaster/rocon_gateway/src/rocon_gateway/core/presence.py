@@ -21,7 +21,9 @@ def check_lists(
     """
     addresses = {_plain(one) for one in (address, *aliases)}
     if _listed(addresses, name, blacklist):
-        raise HubError(Code.HUB_CONNECTION_BLACKLISTED, f"the hub '{name}' at {address} is blacklisted")
+        raise HubError(
+            Code.HUB_CONNECTION_BLACKLISTED, f"the hub '{name}' at {address} is blacklisted"
+        )
     if whitelist and not _listed(addresses, name, whitelist):
         text = f"the hub '{name}' at {address} is not on the whitelist"
         raise HubError(Code.HUB_CONNECTION_NOT_IN_NONEMPTY_WHITELIST, text)
@@ -48,7 +50,9 @@ class Candidate:
     """A hub to try."""
 
     address: HubAddress  #: the address to connect to
-    aliases: tuple[HubAddress, ...] = ()  #: further addresses of it, which whitelist or blacklist may contain
+    aliases: tuple[
+        HubAddress, ...
+    ] = ()  #: further addresses of it, which whitelist or blacklist may contain
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,9 @@ class HubView:
     hub_name: str = ""  #: its name; empty if we were never connected
     hub_uri: str = ""  #: its address; empty likewise
     host: str = ""  #: our address for the gateways on it; empty likewise
-    listed: frozenset[str] = frozenset()  #: unique names of all gateways that the hub lists as alive, except ourselves
+    listed: frozenset[str] = (
+        frozenset()
+    )  #: unique names of all gateways that the hub lists as alive, except ourselves
     #: unique names of all gateways that count as present: the listed ones, and some that were listed until recently
     names: frozenset[str] = frozenset()
     #: those of them concerned by our rules or their requests
@@ -126,7 +132,9 @@ class Presence:
     def settle(self, linked: Collection[str], now: float) -> bool:
         """Removes retained gateways whose grace period is over or whose links are down; returns if there were any."""
         over = [
-            name for name, (alone, together) in self._retained.items() if now >= (together if name in linked else alone)
+            name
+            for name, (alone, together) in self._retained.items()
+            if now >= (together if name in linked else alone)
         ]
         self._drop(over)
         return bool(over)

@@ -36,7 +36,15 @@ from rocon_gateway.core.matching import (
     is_literal,
     rule_matches,
 )
-from rocon_gateway.core.situation import Flipped, Outcome, Remote, RuleState, Situation, State, Verdict
+from rocon_gateway.core.situation import (
+    Flipped,
+    Outcome,
+    Remote,
+    RuleState,
+    Situation,
+    State,
+    Verdict,
+)
 from rocon_hub_protocol.record import Offer, Purpose, Reply, Want
 from rocon_hub_protocol.rule import Connection, Kind, RemoteRule, Rule
 from rocon_relay.core.connection import ANY
@@ -60,7 +68,9 @@ class _Reconciler:
         self.book = situation.book
         self.name = situation.book.name
         # Keep the same object for the same set, so that cache look-ups are fast.
-        self.others = situation.names if self.name not in situation.names else situation.names - {self.name}
+        self.others = (
+            situation.names if self.name not in situation.names else situation.names - {self.name}
+        )
         found = actions(situation.local)
         self.local = sorted(situation.local | found)
         self.action_topics = {part for action in found for part in map(_key, parts(action))}
@@ -89,7 +99,10 @@ class _Reconciler:
             requests=self.decision.requests(),
             exports=self.decision.exports(),
             imports=self.decision.imports(),
-            states=tuple(RuleState(action, gateway, rule, judge()) for action, gateway, rule, judge in self.pending),
+            states=tuple(
+                RuleState(action, gateway, rule, judge())
+                for action, gateway, rule, judge in self.pending
+            ),
             flipped=tuple(self.flipped),
             flipped_in=tuple(self.flipped_in),
             pulled=tuple(self.pulled),
@@ -111,7 +124,9 @@ class _Reconciler:
     def _no_local(self, rule: Rule) -> Verdict:
         return verdict.no_local(rule, self.name, self.local)
 
-    def _sorted_out(self, rule: Rule, excluded: Iterable[Rule]) -> tuple[list[Connection], list[Verdict]]:
+    def _sorted_out(
+        self, rule: Rule, excluded: Iterable[Rule]
+    ) -> tuple[list[Connection], list[Verdict]]:
         """Returns the local connections that `rule` matches, and a verdict on each that a blacklist excludes.
 
         A `.*` rule for a kind skips the topics of actions, because these are handled as actions.
@@ -134,7 +149,9 @@ class _Reconciler:
 
     # Our flips and pulls
 
-    def _towards(self, action: str, remote: RemoteRule, act: Callable[..., Iterator[PendingVerdict]]) -> None:
+    def _towards(
+        self, action: str, remote: RemoteRule, act: Callable[..., Iterator[PendingVerdict]]
+    ) -> None:
         """Applies one rule to every gateway that it matches, and stores its pending verdict."""
         judges: list[PendingVerdict] = []
         targets = gateways_meant(remote.gateway, self.others)
@@ -144,11 +161,18 @@ class _Reconciler:
                 judges.extend(act(remote, gateway, other))
         otherwise = verdict.NO_ANSWER if targets else self._no_target(remote.gateway)
         self.pending.append(
-            (action, remote.gateway, remote.rule, lambda: verdict.best([judge() for judge in judges], otherwise))
+            (
+                action,
+                remote.gateway,
+                remote.rule,
+                lambda: verdict.best([judge() for judge in judges], otherwise),
+            )
         )
 
     def _no_target(self, pattern: str) -> Verdict:
-        return verdict.no_gateway(pattern, self.others) if self.situation.connected else verdict.NO_HUB
+        return (
+            verdict.no_gateway(pattern, self.others) if self.situation.connected else verdict.NO_HUB
+        )
 
     def _flip(self, remote: RemoteRule, gateway: str, other: Remote) -> Iterator[PendingVerdict]:
         rule = remote.rule
@@ -181,7 +205,9 @@ class _Reconciler:
         topics = {connection.name for connection in allowed}
         if is_literal(rule.name) and not self._own_barrier(rule):
             # A literal name works without a subscriber; the topic exists once one connects.
-            topics |= {absolute_name(rule.name)} if rule.name.startswith("/") or not topics else set()
+            topics |= (
+                {absolute_name(rule.name)} if rule.name.startswith("/") or not topics else set()
+            )
         if not topics:
             yield always(self._no_local(rule))
         for topic in sorted(topics):
@@ -190,16 +216,25 @@ class _Reconciler:
             for connection in listening:
                 self._flipped_to(gateway, other, connection, answer)
             if rule.node:
-                remote, others = RemoteRule(base_name(gateway), rule), self._not_covered(gateway, topic)
+                remote, others = (
+                    RemoteRule(base_name(gateway), rule),
+                    self._not_covered(gateway, topic),
+                )
                 judge = partial(verdict.for_node, judge, topic, remote, bool(listening), others)
             yield judge
 
     def _not_covered(self, gateway: str, topic: str) -> list[str]:
         """Returns the nodes that subscribe to a topic but are not covered by any flip from that gateway."""
         flips = [one.rule for one in self.book.flips.rules if gateway_matches(one.gateway, gateway)]
-        subscribers = [one for one in self.local if one.kind == Kind.SUBSCRIBER and one.name == topic]
+        subscribers = [
+            one for one in self.local if one.kind == Kind.SUBSCRIBER and one.name == topic
+        ]
         return sorted(
-            {one.node for one in subscribers if not any(rule_matches(flip, one, self.name) for flip in flips)}
+            {
+                one.node
+                for one in subscribers
+                if not any(rule_matches(flip, one, self.name) for flip in flips)
+            }
         )
 
     def _flip_action(self, gateway: str, other: Remote, action: Connection) -> PendingVerdict:
@@ -221,21 +256,31 @@ class _Reconciler:
         self.decision.offer(gateway, connection, purpose)
         return _reply(other, connection.kind, connection.name, connection.node)
 
-    def _wanted(self, gateway: str, other: Remote, topic: str, nodes: str) -> tuple[Reply | None, PendingVerdict]:
+    def _wanted(
+        self, gateway: str, other: Remote, topic: str, nodes: str
+    ) -> tuple[Reply | None, PendingVerdict]:
         """Flips a topic's subscribers; returns the reply, if any, and the pending verdict."""
         self.decision.want(gateway, Want(topic, nodes, Purpose.FLIP))
         answer = _reply(other, Kind.SUBSCRIBER, topic, nodes)
         judges = [
-            self.decision.import_publisher(gateway, other, Connection(Kind.PUBLISHER, topic, one.type, one.node), nodes)
+            self.decision.import_publisher(
+                gateway, other, Connection(Kind.PUBLISHER, topic, one.type, one.node), nodes
+            )
             for one in other.request.offers
             if one.purpose == Purpose.ANSWER and one.topic == topic
         ]
-        return answer, lambda: verdict.best([one() for one in judges], _judged(answer, other, gateway))
+        return answer, lambda: verdict.best(
+            [one() for one in judges], _judged(answer, other, gateway)
+        )
 
     def _own_barrier(self, rule: Rule) -> Rule | None:
-        return blacklisting(self.book.blacklist, Connection(rule.kind, absolute_name(rule.name), ANY, rule.node))
+        return blacklisting(
+            self.book.blacklist, Connection(rule.kind, absolute_name(rule.name), ANY, rule.node)
+        )
 
-    def _flipped_to(self, gateway: str, other: Remote, connection: Connection, *answers: Reply | None) -> None:
+    def _flipped_to(
+        self, gateway: str, other: Remote, connection: Connection, *answers: Reply | None
+    ) -> None:
         if other.record.firewall or any(one and one.state.startswith(_REFUSALS) for one in answers):
             status = "blocked"
         else:
@@ -246,7 +291,9 @@ class _Reconciler:
         rule = remote.rule
         offered = [one for one in other.record.advertisements if rule_matches(rule, one, self.name)]
         # A pull by name overrides our blacklist; a pull of everything respects it.
-        excluded = (*self.book.blacklist, *self.book.pulls.excluded(remote)) if rule.name == ALL else ()
+        excluded = (
+            (*self.book.blacklist, *self.book.pulls.excluded(remote)) if rule.name == ALL else ()
+        )
         for connection in offered:
             barrier = _barrier(excluded, connection)
             namespace = self._unasked(rule, self.situation.namespace, connection)
@@ -268,10 +315,15 @@ class _Reconciler:
         namespace = foreign_namespace(own, connection.name, self.situation.robots)
         return "" if asks_for(rule.name, namespace) else namespace
 
-    def _pull_connection(self, gateway: str, other: Remote, connection: Connection) -> PendingVerdict:
+    def _pull_connection(
+        self, gateway: str, other: Remote, connection: Connection
+    ) -> PendingVerdict:
         name, node = connection.name, connection.node
         if connection.kind in ACTION_KINDS:
-            judges = [(part.kind, self._pull_connection(gateway, other, part)) for part in parts(connection)]
+            judges = [
+                (part.kind, self._pull_connection(gateway, other, part))
+                for part in parts(connection)
+            ]
             return _of_action(connection, "here", judges)
         if connection.kind == Kind.PUBLISHER:
             self.decision.want(gateway, Want(name, node, Purpose.PULL))
@@ -290,19 +342,37 @@ class _Reconciler:
         for publisher in self.publishers:
             if publisher.name == subscriber.name and not self._barred(publisher):
                 self.decision.offer(gateway, publisher, Purpose.PULL, subscriber.node)
-                said.append(_judged(_reply(other, publisher.kind, publisher.name, publisher.node), None, gateway))
-        return always(verdict.best(said, Verdict(State.NO_PUBLISHER, f"nobody here publishes {subscriber.name}")))
+                said.append(
+                    _judged(
+                        _reply(other, publisher.kind, publisher.name, publisher.node), None, gateway
+                    )
+                )
+        return always(
+            verdict.best(
+                said, Verdict(State.NO_PUBLISHER, f"nobody here publishes {subscriber.name}")
+            )
+        )
 
     # Requests of other gateways
 
-    def _take_request(self, gateway: str, other: Remote, interface: dict[tuple[Kind, str, str], Connection]) -> None:
+    def _take_request(
+        self, gateway: str, other: Remote, interface: dict[tuple[Kind, str, str], Connection]
+    ) -> None:
         for offer in other.request.offers:
             if offer.purpose == Purpose.FLIP:
                 self._take_flipped(gateway, other, offer, Kind.PUBLISHER)
             elif offer.purpose == Purpose.SERVICE:
                 self._take_flipped(gateway, other, offer, Kind.SERVICE)
-            elif offer.purpose == Purpose.PULL and (Kind.SUBSCRIBER, offer.topic, offer.to_node) in interface:
-                self._take_offer(gateway, other, _offered_connection(offer, Kind.PUBLISHER), re.escape(offer.to_node))
+            elif (
+                offer.purpose == Purpose.PULL
+                and (Kind.SUBSCRIBER, offer.topic, offer.to_node) in interface
+            ):
+                self._take_offer(
+                    gateway,
+                    other,
+                    _offered_connection(offer, Kind.PUBLISHER),
+                    re.escape(offer.to_node),
+                )
         for want in other.request.wants:
             if want.purpose == Purpose.FLIP:
                 self._take_flipped_subscriber(gateway, want)
@@ -333,9 +403,13 @@ class _Reconciler:
 
     def _take_flipped_subscriber(self, gateway: str, want: Want) -> None:
         if self.situation.firewall:
-            self.decision.reply(gateway, Reply(Kind.SUBSCRIBER, want.topic, want.node, State.FIREWALLED))
+            self.decision.reply(
+                gateway, Reply(Kind.SUBSCRIBER, want.topic, want.node, State.FIREWALLED)
+            )
             return
-        self.flipped_in[Flipped(gateway, Connection(Kind.SUBSCRIBER, want.topic, ANY, want.node))] = None
+        self.flipped_in[
+            Flipped(gateway, Connection(Kind.SUBSCRIBER, want.topic, ANY, want.node))
+        ] = None
         mine = [one for one in self.publishers if one.name == want.topic]
         allowed = [one for one in mine if not self._barred(one)]
         for connection in allowed:
@@ -348,10 +422,16 @@ class _Reconciler:
             said = verdict.blacklisted(barrier, mine[0])
         else:
             said = verdict.no_publisher(want.topic, self.situation.local)
-        self.decision.reply(gateway, Reply(Kind.SUBSCRIBER, want.topic, want.node, said.state, said.reason))
+        self.decision.reply(
+            gateway, Reply(Kind.SUBSCRIBER, want.topic, want.node, said.state, said.reason)
+        )
 
 
-_PULLED = {Purpose.PULL: Kind.PUBLISHER, Purpose.SERVICE: Kind.SERVICE, Purpose.PARAMETER: Kind.PARAMETER}
+_PULLED = {
+    Purpose.PULL: Kind.PUBLISHER,
+    Purpose.SERVICE: Kind.SERVICE,
+    Purpose.PARAMETER: Kind.PARAMETER,
+}
 """Kind of connection requested by a want, by its purpose."""
 
 
@@ -363,11 +443,15 @@ def _key(connection: Connection) -> tuple[Kind, str, str]:
 def _barrier(blacklist: Iterable[Rule], connection: Connection) -> Rule | None:
     """Returns the first rule that matches a connection, or one of its topics if it is an action."""
     blacklist = tuple(blacklist)
-    found = (blacklisting(blacklist, one) for one in dict.fromkeys((connection, *parts(connection))))
+    found = (
+        blacklisting(blacklist, one) for one in dict.fromkeys((connection, *parts(connection)))
+    )
     return next(filter(None, found), None)
 
 
-def _of_action(action: Connection, at: str, judges: list[tuple[Kind, PendingVerdict]]) -> PendingVerdict:
+def _of_action(
+    action: Connection, at: str, judges: list[tuple[Kind, PendingVerdict]]
+) -> PendingVerdict:
     return lambda: verdict.of_action(action, at, [(kind, judge()) for kind, judge in judges])
 
 
@@ -376,7 +460,14 @@ def _offered_connection(offer: Offer, kind: Kind) -> Connection:
 
 
 def _reply(other: Remote, kind: Kind, topic: str, node: str) -> Reply | None:
-    return next((one for one in other.request.replies if (one.kind, one.topic, one.node) == (kind, topic, node)), None)
+    return next(
+        (
+            one
+            for one in other.request.replies
+            if (one.kind, one.topic, one.node) == (kind, topic, node)
+        ),
+        None,
+    )
 
 
 def _judged(answer: Reply | None, flipped_to: Remote | None, gateway: str) -> Verdict:

@@ -4,7 +4,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 from rocon_gateway.core.error import RequestError
-from rocon_gateway.core.matching import ALL, absolute_name, base_name, blacklisting, check_pattern, is_literal
+from rocon_gateway.core.matching import (
+    ALL,
+    absolute_name,
+    base_name,
+    blacklisting,
+    check_pattern,
+    is_literal,
+)
 from rocon_hub_protocol.code import Code
 from rocon_hub_protocol.rule import CONNECTIONS, Connection, Kind, RemoteRule, Rule
 
@@ -15,9 +22,13 @@ _EXISTS = {"flip": Code.FLIP_RULE_ALREADY_EXISTS, "pull": Code.PULL_RULE_ALREADY
 class Advertisements:
     """Connections that other gateways may pull."""
 
-    rules: tuple[Rule, ...] = ()  #: explicit rules in order of arrival; in advertise-all mode, a `.*` rule per kind
+    rules: tuple[
+        Rule, ...
+    ] = ()  #: explicit rules in order of arrival; in advertise-all mode, a `.*` rule per kind
     everything: bool = False  #: whether advertise-all mode is on
-    blacklist: tuple[Rule, ...] = ()  #: excluded by the caller of advertise_all, in addition to the gateway's blacklist
+    blacklist: tuple[
+        Rule, ...
+    ] = ()  #: excluded by the caller of advertise_all, in addition to the gateway's blacklist
 
 
 @dataclass(frozen=True)
@@ -52,7 +63,9 @@ class RuleBook:
         known = list(self.advertisements.rules)
         for rule in rules:
             if rule in known:
-                raise RequestError(Code.ADVERTISEMENT_EXISTS, f"this advertisement exists already: {rule}")
+                raise RequestError(
+                    Code.ADVERTISEMENT_EXISTS, f"this advertisement exists already: {rule}"
+                )
             _check_parameter(rule, Code.UNKNOWN_ADVERTISEMENT_ERROR)
             self._refuse_blacklisted(rule, Code.UNKNOWN_ADVERTISEMENT_ERROR)
             known.append(rule)
@@ -64,7 +77,9 @@ class RuleBook:
         for rule in rules:
             found = [one for one in known if _means(rule, one)]
             if not found:
-                raise RequestError(Code.ADVERTISEMENT_NOT_FOUND, f"there is no such advertisement: {rule}")
+                raise RequestError(
+                    Code.ADVERTISEMENT_NOT_FOUND, f"there is no such advertisement: {rule}"
+                )
             known = [one for one in known if one not in found]
         return replace(self, advertisements=replace(self.advertisements, rules=tuple(known)))
 
@@ -92,7 +107,9 @@ class RuleBook:
                 _check_parameter(rule, Code.HUB_UNKNOWN_ERROR)
                 continue
             if rule.kind == Kind.PARAMETER:
-                raise RequestError(Code.HUB_UNKNOWN_ERROR, f"a parameter is pulled, not flipped: {rule.name}")
+                raise RequestError(
+                    Code.HUB_UNKNOWN_ERROR, f"a parameter is pulled, not flipped: {rule.name}"
+                )
             self._refuse_blacklisted(rule, Code.HUB_UNKNOWN_ERROR)
         targets = self.targets(action)
         known = list(targets.rules)
@@ -110,7 +127,9 @@ class RuleBook:
         kept = tuple(
             one
             for one in targets.rules
-            if not any(remote.gateway == one.gateway and _means(remote.rule, one.rule) for remote in asked)
+            if not any(
+                remote.gateway == one.gateway and _means(remote.rule, one.rule) for remote in asked
+            )
         )
         return self._with_targets(action, Targets(kept, targets.everything))
 
@@ -123,7 +142,9 @@ class RuleBook:
         self._refuse_self(gateway)
         if gateway in dict(self.targets(action).everything):
             what = "flipped to" if action == "flip" else "pulled from"
-            raise RequestError(Code.FLIP_RULE_ALREADY_EXISTS, f"everything is {what} '{gateway}' already")
+            raise RequestError(
+                Code.FLIP_RULE_ALREADY_EXISTS, f"everything is {what} '{gateway}' already"
+            )
         emptied = self.without(action, gateway).targets(action)
         added = Targets(
             (*emptied.rules, *(RemoteRule(gateway, Rule(kind, ALL)) for kind in CONNECTIONS)),
@@ -149,14 +170,18 @@ class RuleBook:
 
     def _refuse_self(self, gateway: str) -> None:
         if gateway in (self.name, base_name(self.name)):
-            raise RequestError(Code.REMOTE_GATEWAY_SELF_IS_NOT, f"'{gateway}' is this gateway itself")
+            raise RequestError(
+                Code.REMOTE_GATEWAY_SELF_IS_NOT, f"'{gateway}' is this gateway itself"
+            )
 
     def _refuse_blacklisted(self, rule: Rule, code: Code) -> None:
         """Refuses a plain name on the blacklist, because it could never be connected."""
         if not is_literal(rule.name):
             return
         node = rule.node if is_literal(rule.node) else ""
-        barrier = blacklisting(self.blacklist, Connection(rule.kind, absolute_name(rule.name), "*", node))
+        barrier = blacklisting(
+            self.blacklist, Connection(rule.kind, absolute_name(rule.name), "*", node)
+        )
         if barrier:
             raise RequestError(code, f"{rule} is blacklisted by {barrier}")
 
@@ -166,14 +191,18 @@ def check_gateway(gateway: str, code: Code) -> None:
     if not gateway.strip():
         raise RequestError(code, "the request names no gateway")
     if not gateway.isprintable():
-        raise RequestError(code, f"{gateway!r} is no gateway's name: it has characters that cannot be printed")
+        raise RequestError(
+            code, f"{gateway!r} is no gateway's name: it has characters that cannot be printed"
+        )
     check_pattern("gateway", gateway, code)
 
 
 def _check_parameter(rule: Rule, code: Code) -> None:
     """Raises RequestError for a parameter that is not given by its plain name without node."""
     if rule.kind == Kind.PARAMETER and (rule.node or not is_literal(rule.name)):
-        raise RequestError(code, f"a parameter is given by its plain name, without node, not as '{rule}'")
+        raise RequestError(
+            code, f"a parameter is given by its plain name, without node, not as '{rule}'"
+        )
 
 
 def _means(asked: Rule, rule: Rule) -> bool:

@@ -74,8 +74,12 @@ class Situation:
     #: those of them concerned by our rules or their requests, by unique name
     remotes: Mapping[str, Remote] = field(default_factory=dict)
     links: Mapping[Import, LinkStatus] = field(default_factory=dict)  #: status of our imports
-    options: tuple[OptionRule, ...] = ()  #: rules for link options; the first that matches a connection applies
-    namespace: str = ""  #: our robot's namespace; patterns import nothing from another robot's. "" for none
+    options: tuple[
+        OptionRule, ...
+    ] = ()  #: rules for link options; the first that matches a connection applies
+    namespace: str = (
+        ""  #: our robot's namespace; patterns import nothing from another robot's. "" for none
+    )
     robots: frozenset[str] = frozenset()  #: namespaces of all known robots
 
 
@@ -84,7 +88,9 @@ class Flipped:
     """A local connection flipped to another gateway, or a remote one flipped or pulled to this gateway."""
 
     gateway: str  #: the other gateway's unique name
-    connection: Connection  #: the connection; its node is the one on the flipping or advertising side
+    connection: (
+        Connection  #: the connection; its node is the one on the flipping or advertising side
+    )
     status: str = "accepted"  #: a word of `gateway_msgs/RemoteRuleWithStatus`
 
 
@@ -97,7 +103,9 @@ class Outcome:
     requests: Mapping[str, PeerRequest] = field(default_factory=dict)
     exports: frozenset[Export] = frozenset()  #: the exports for our relay
     imports: frozenset[Import] = frozenset()  #: the imports for our relay
-    states: tuple[RuleState, ...] = ()  #: one for each rule, in the order advertisements, flips, pulls
+    states: tuple[
+        RuleState, ...
+    ] = ()  #: one for each rule, in the order advertisements, flips, pulls
     flipped: tuple[Flipped, ...] = ()  #: local connections flipped to other gateways
     flipped_in: tuple[Flipped, ...] = ()  #: remote connections flipped to this gateway
     pulled: tuple[Flipped, ...] = ()  #: remote connections pulled to this gateway

@@ -34,13 +34,22 @@ class Spelling:
             if ratio >= LIKE:
                 self._alike[one] = ratio
         self._known = known
-        return [one for _, one in heapq.nlargest(COUNT, ((ratio, one) for one, ratio in self._alike.items()))]
+        return [
+            one
+            for _, one in heapq.nlargest(
+                COUNT, ((ratio, one) for one, ratio in self._alike.items())
+            )
+        ]
 
     def _ratio(self, other: str) -> float:
         """Returns the similarity; for dissimilar names only an upper bound, which is cheaper."""
         self._matcher.set_seq1(other)
         ratio = 0.0
-        for bound in (self._matcher.real_quick_ratio, self._matcher.quick_ratio, self._matcher.ratio):
+        for bound in (
+            self._matcher.real_quick_ratio,
+            self._matcher.quick_ratio,
+            self._matcher.ratio,
+        ):
             ratio = bound()
             if ratio < LIKE:
                 break

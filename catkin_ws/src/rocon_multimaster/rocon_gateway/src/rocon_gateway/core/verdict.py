@@ -60,22 +60,32 @@ def best(verdicts: Iterable[Verdict], otherwise: Verdict) -> Verdict:
 
 
 def _rank(verdict: Verdict) -> int:
-    return next((rank for word, rank in _RANKS.items() if verdict.state.startswith(word)), len(_RANKS))
+    return next(
+        (rank for word, rank in _RANKS.items() if verdict.state.startswith(word)), len(_RANKS)
+    )
 
 
 def blacklisted(barrier: Rule, connection: Connection) -> Verdict:
     """Returns the verdict on a connection blacklisted by `barrier`."""
-    return Verdict(f"{State.BLACKLISTED} by {barrier}", f"{connection.name} of {connection.node or 'any node'}")
+    return Verdict(
+        f"{State.BLACKLISTED} by {barrier}", f"{connection.name} of {connection.node or 'any node'}"
+    )
 
 
 def foreign(namespace: str, gateway: str) -> Verdict:
     """Returns the verdict on a connection from another robot's namespace that `gateway` reaches only by a pattern."""
-    return Verdict(State.REFUSED, f"/{namespace} is not the robot of {gateway}: a rule that spells it out brings it")
+    return Verdict(
+        State.REFUSED,
+        f"/{namespace} is not the robot of {gateway}: a rule that spells it out brings it",
+    )
 
 
 def foreign_node(node: str, gateway: str) -> Verdict:
     """Returns the verdict on a publisher excluded as another robot's node by an option of `gateway`."""
-    return Verdict(State.REFUSED, f"{node} is another robot's node, and rule_options of {gateway} leave those out")
+    return Verdict(
+        State.REFUSED,
+        f"{node} is another robot's node, and rule_options of {gateway} leave those out",
+    )
 
 
 def from_link(wanted: Import, links: Mapping[Import, LinkStatus]) -> Verdict:
@@ -116,7 +126,9 @@ def _base_names(names: frozenset[str]) -> frozenset[str]:
 def no_local(rule: Rule, own_gateway: str, local: Iterable[Connection]) -> Verdict:
     """Returns the verdict on a rule without matching local connection; the reason tells if name or node is wrong."""
     same_kind = [one for one in local if one.kind == rule.kind]
-    nodes = sorted({one.node for one in same_kind if name_matches(rule.name, one.name, own_gateway)})
+    nodes = sorted(
+        {one.node for one in same_kind if name_matches(rule.name, one.name, own_gateway)}
+    )
     if nodes and rule.node:
         here = f"here it is {_VERBS[rule.kind]} {', '.join(nodes)}, not {rule.node}"
         return Verdict(State.NO_SERVER if rule.kind == Kind.SERVICE else State.NO_PUBLISHER, here)
@@ -130,7 +142,9 @@ def nothing(kind: Kind, pattern: str, names: Collection[str], where: str) -> Ver
     return Verdict(state, _nearest(name, names, where, what))
 
 
-def for_node(judge: Callable[[], Verdict], topic: str, rule: RemoteRule, listens: bool, others: list[str]) -> Verdict:
+def for_node(
+    judge: Callable[[], Verdict], topic: str, rule: RemoteRule, listens: bool, others: list[str]
+) -> Verdict:
     """Returns the verdict on a topic that is flipped for one node only.
 
     Args:
@@ -143,7 +157,11 @@ def for_node(judge: Callable[[], Verdict], topic: str, rule: RemoteRule, listens
     said = judge()
     if said.state != State.ACTIVE or (listens and not others):
         return said
-    reason = f"only for {rule.rule.node}" if listens else f"for {rule.rule.node}, which does not listen yet"
+    reason = (
+        f"only for {rule.rule.node}"
+        if listens
+        else f"for {rule.rule.node}, which does not listen yet"
+    )
     if others:
         cure = f"rosrun rocon_gateway flip {rule.gateway} {topic} -t subscriber"
         reason += f"; here it is also subscribed by {', '.join(others)}, {UNCOVERED} '{cure}'"
@@ -155,12 +173,17 @@ def no_publisher(topic: str, local: Iterable[Connection]) -> Verdict:
     local = list(local)
     if any(one.name == topic for one in local):
         return Verdict(State.NO_PUBLISHER, f"{topic} is subscribed there, but not published")
-    return nothing(Kind.PUBLISHER, topic, {one.name for one in local if one.kind == Kind.PUBLISHER}, "there")
+    return nothing(
+        Kind.PUBLISHER, topic, {one.name for one in local if one.kind == Kind.PUBLISHER}, "there"
+    )
 
 
 def mismatch(topic: str, types: Mapping[str, str]) -> Verdict:
     """Returns the verdict on a topic whose type differs between gateways."""
-    return Verdict(State.TYPE_MISMATCH, f"{topic} is " + " and ".join(f"{t} at {at}" for at, t in types.items()))
+    return Verdict(
+        State.TYPE_MISMATCH,
+        f"{topic} is " + " and ".join(f"{t} at {at}" for at, t in types.items()),
+    )
 
 
 def _nearest(name: str, known: Collection[str], where: str, what: str) -> str:

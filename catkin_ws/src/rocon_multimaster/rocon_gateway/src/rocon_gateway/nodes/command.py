@@ -26,7 +26,9 @@ from rocon_hub_protocol.rule import Kind
 def rules() -> int:
     """`rules`: prints a table of all rules with state and reason; returns 1 if any is not active."""
     options = _parsed(
-        _with_json(argparse.ArgumentParser("rules", description="The state of each rule of this gateway."))
+        _with_json(
+            argparse.ArgumentParser("rules", description="The state of each rule of this gateway.")
+        )
     )
     return _run(lambda client: _rules(client, options.json))
 
@@ -47,7 +49,10 @@ def _rules(client: GatewayClient, as_json: bool) -> int:
 
 def _row(status: DiagnosticStatus) -> tuple[str, ...]:
     values = {one.key: one.value for one in status.values}
-    return tuple(values[key] or "-" for key in ("action", "gateway", "type", "name", "node", "state", "reason"))
+    return tuple(
+        values[key] or "-"
+        for key in ("action", "gateway", "type", "name", "node", "state", "reason")
+    )
 
 
 def gateway_info() -> int:
@@ -65,7 +70,9 @@ def _gateway_info(client: GatewayClient, as_json: bool) -> int:
         _say_json({"namespace": client.namespace, **conversions.plain_from_message(info)})
         return 0
     hubs = [f"{name} at {uri}" for name, uri in zip(info.hub_names, info.hub_uris, strict=False)]
-    _say(f"gateway {info.name} ({client.namespace}) at {info.ip}, firewall {'on' if info.firewall else 'off'}")
+    _say(
+        f"gateway {info.name} ({client.namespace}) at {info.ip}, firewall {'on' if info.firewall else 'off'}"
+    )
     _say(f"hub     {', '.join(hubs) or 'none yet'}")
     _say(listing("advertisement rules", [_text(rule) for rule in info.public_watchlist]))
     _say(listing("advertised", [_text(rule) for rule in info.public_interface]))
@@ -80,12 +87,18 @@ def _gateway_info(client: GatewayClient, as_json: bool) -> int:
 
 def remote_gateway_info() -> int:
     """`remote_gateway_info [GATEWAY …]`: prints the other gateways on the hub; returns 1 if a named one is missing."""
-    parser = argparse.ArgumentParser("remote_gateway_info", description="The other gateways on the hub.")
-    parser.add_argument("gateways", nargs="*", metavar="GATEWAY", help="unique names; all if none is given")
+    parser = argparse.ArgumentParser(
+        "remote_gateway_info", description="The other gateways on the hub."
+    )
+    parser.add_argument(
+        "gateways", nargs="*", metavar="GATEWAY", help="unique names; all if none is given"
+    )
     options = _parsed(parser)
 
     def show(client: GatewayClient) -> int:
-        found = client.call("remote_gateway_info", srv.RemoteGatewayInfo, gateways=options.gateways).gateways
+        found = client.call(
+            "remote_gateway_info", srv.RemoteGatewayInfo, gateways=options.gateways
+        ).gateways
         for one in found:
             _show_remote(one)
         missing = sorted(set(options.gateways) - {one.name for one in found})
@@ -99,7 +112,11 @@ def remote_gateway_info() -> int:
 
 
 def _show_remote(one: msg.RemoteGateway) -> None:
-    seen = "" if one.conn_stats.gateway_available else f", last heard of {one.conn_stats.time_since_last_seen} s ago"
+    seen = (
+        ""
+        if one.conn_stats.gateway_available
+        else f", last heard of {one.conn_stats.time_since_last_seen} s ago"
+    )
     _say(f"gateway {one.name} at {one.ip}, firewall {'on' if one.firewall else 'off'}{seen}")
     _say(listing("advertised", [_text(rule) for rule in one.public_interface]))
     _say(listing("flip rules", [_remote_text(rule) for rule in one.flipped_interface]))
@@ -112,15 +129,23 @@ def advertise() -> int:
 
     def ask(client: GatewayClient) -> int:
         if options.all:
-            return _answer(client.call("advertise_all", srv.AdvertiseAll, cancel=options.cancel, blacklist=[]))
-        return _answer(client.call("advertise", srv.Advertise, cancel=options.cancel, rules=_rule_messages(options)))
+            return _answer(
+                client.call("advertise_all", srv.AdvertiseAll, cancel=options.cancel, blacklist=[])
+            )
+        return _answer(
+            client.call(
+                "advertise", srv.Advertise, cancel=options.cancel, rules=_rule_messages(options)
+            )
+        )
 
     return _run(ask)
 
 
 def flip() -> int:
     """`flip GATEWAY NAME …` or `flip GATEWAY --all`: flips connections of this gateway to another."""
-    return _remote("flip", "Connects this gateway's publishers or subscribers with another gateway.")
+    return _remote(
+        "flip", "Connects this gateway's publishers or subscribers with another gateway."
+    )
 
 
 def pull() -> int:
@@ -146,9 +171,17 @@ def _request_options(name: str, description: str, gateway: bool = False) -> argp
     if gateway:
         parser.add_argument("gateway", help="the other gateway's name, or a pattern")
     parser.add_argument("names", nargs="*", metavar="NAME", help="topics, or patterns of them")
-    parser.add_argument("-t", "--type", choices=list(map(str, Kind)), default=str(Kind.PUBLISHER), help="of connection")
+    parser.add_argument(
+        "-t",
+        "--type",
+        choices=list(map(str, Kind)),
+        default=str(Kind.PUBLISHER),
+        help="of connection",
+    )
     parser.add_argument("-n", "--node", default="", help="the node, or a pattern; any if left out")
-    parser.add_argument("--all", action="store_true", help="everything, the blacklist's rules apart")
+    parser.add_argument(
+        "--all", action="store_true", help="everything, the blacklist's rules apart"
+    )
     parser.add_argument("--cancel", action="store_true", help="take the rules back")
     options = _parsed(parser)
     if options.all == bool(options.names):
@@ -171,11 +204,19 @@ def _answer(response: Any) -> int:
 
 def graph() -> int:
     """`graph [--dot | --png FILE]`: prints or draws the whole network of the hub as text, Graphviz graph or picture."""
-    parser = argparse.ArgumentParser("graph", description="All gateways of the hub, with what goes between them.")
+    parser = argparse.ArgumentParser(
+        "graph", description="All gateways of the hub, with what goes between them."
+    )
     kind = parser.add_mutually_exclusive_group()
     kind.add_argument("--dot", action="store_true", help="in the language of Graphviz")
-    kind.add_argument("--png", metavar="FILE", help="as a picture; needs Graphviz (apt install graphviz)")
-    kind.add_argument("--json", action="store_true", help="for programs: gateways, and arrows in the direction of data")
+    kind.add_argument(
+        "--png", metavar="FILE", help="as a picture; needs Graphviz (apt install graphviz)"
+    )
+    kind.add_argument(
+        "--json",
+        action="store_true",
+        help="for programs: gateways, and arrows in the direction of data",
+    )
     options = _parsed(parser)
 
     def show(client: GatewayClient) -> int:
@@ -184,7 +225,9 @@ def graph() -> int:
         members = [conversions.member_from_info(info), *map(conversions.member_from_remote, others)]
         hub = info.hub_names[0] if info.hub_names else ""
         if options.json:
-            arrows = [{**dataclasses.asdict(one), "ends": one.ends} for one in network.arrows(members)]
+            arrows = [
+                {**dataclasses.asdict(one), "ends": one.ends} for one in network.arrows(members)
+            ]
             _say_json({"hub": hub, "gateways": members, "arrows": arrows})
             return 0
         if options.png:
@@ -200,7 +243,9 @@ def _draw(text: str, path: str) -> int:
     if program is None:
         _complain("a picture needs Graphviz: apt install graphviz; --dot works without it")
         return 2
-    return subprocess.run([program, "-Tpng", "-o", path], input=text.encode(), check=False).returncode
+    return subprocess.run(
+        [program, "-Tpng", "-o", path], input=text.encode(), check=False
+    ).returncode
 
 
 def _run(work: Callable[[GatewayClient], int]) -> int:

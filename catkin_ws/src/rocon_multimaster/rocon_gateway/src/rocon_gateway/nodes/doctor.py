@@ -24,7 +24,9 @@ from rocon_hub_protocol.redis_client import Access
 from tcpros.error import CertificateError
 from tcpros.tls import certificates_from
 
-HUB_FIX = "start it (rosrun pioneer_networking run-pioneer-hub); let its port through the firewall there"
+HUB_FIX = (
+    "start it (rosrun pioneer_networking run-pioneer-hub); let its port through the firewall there"
+)
 NO_HUB_FIX = (
     "start one (run-pioneer-hub); on another machine it needs a password or hub_insecure:=true to be seen; "
     "where the network carries no mDNS, give gateway_hub_uri:=http://HOST:6380"
@@ -34,7 +36,9 @@ NO_HUB_FIX = (
 def main() -> int:
     """Entry point of `doctor`; the exit status is 0 if there are no faults, else 1."""
     parser = argparse.ArgumentParser("doctor", description=__doc__)
-    parser.add_argument("--hub", default="", help="the hub, host:port; else the gateway's, else those announced")
+    parser.add_argument(
+        "--hub", default="", help="the hub, host:port; else the gateway's, else those announced"
+    )
     parser.add_argument("--json", action="store_true", help="for programs: the findings")
     options = parser.parse_args([one for one in sys.argv[1:] if ":=" not in one])
     found = list(_examine(options.hub))
@@ -52,7 +56,9 @@ def _examine(hub: str) -> Iterator[Finding | str]:
     """Yields findings, and tables to print before them."""
     yield diagnosis.of_python(*examination.first_python())
     master = urllib.parse.urlsplit(rosgraph.get_master_uri())
-    (contact,) = examination.contacts([("the ROS master", master.hostname or "localhost", master.port or 11311)])
+    (contact,) = examination.contacts(
+        [("the ROS master", master.hostname or "localhost", master.port or 11311)]
+    )
     yield diagnosis.of_contact(contact, "start it, or set ROS_MASTER_URI to the one you mean")
     client = info = None
     try:
@@ -60,7 +66,9 @@ def _examine(hub: str) -> Iterator[Finding | str]:
         info = client.latched("gateway_info", GatewayInfo)
         yield Finding(Level.OK, f"gateway '{info.name}' runs as {client.namespace}")
     except NoGatewayError as error:
-        yield Finding(Level.FAULT, str(error), "roslaunch pioneer_networking pioneer_gateway.launch")
+        yield Finding(
+            Level.FAULT, str(error), "roslaunch pioneer_networking pioneer_gateway.launch"
+        )
     yield from _hub(hub, info)
     if client is not None:
         yield from _rules(client)
@@ -70,11 +78,17 @@ def _hub(named: str, info: GatewayInfo | None) -> Iterator[Finding | str]:
     """Examines each hub and all gateways on it."""
     uris = [named] if named else [*info.hub_uris, *info.discover_hubs_by_uri] if info else []
     if info is not None and not info.connected:
-        yield Finding(Level.FAULT, "the gateway is not on a hub", "see the hub's line below, and the gateway's log")
+        yield Finding(
+            Level.FAULT,
+            "the gateway is not on a hub",
+            "see the hub's line below, and the gateway's log",
+        )
     if not uris:
         seen = examination.announced_hubs()
         for sighting in seen:
-            yield Finding(Level.OK, f"'{sighting.name}' is announced at {', '.join(map(str, sighting.hubs))}")
+            yield Finding(
+                Level.OK, f"'{sighting.name}' is announced at {', '.join(map(str, sighting.hubs))}"
+            )
         if not seen:
             yield Finding(Level.FAULT, "no hub is named and none announces itself", NO_HUB_FIX)
         return
@@ -95,7 +109,9 @@ def _one_hub(uri: str, info: GatewayInfo | None) -> Iterator[Finding | str]:
             finally:
                 session.close()
     except (HubProtocolError, CertificateError, redis.RedisError) as error:
-        yield Finding(Level.FAULT, str(error), "give the doctor and the gateway what the hub asks for")
+        yield Finding(
+            Level.FAULT, str(error), "give the doctor and the gateway what the hub asks for"
+        )
 
 
 def _members(session: HubSession, info: GatewayInfo | None) -> Iterator[Finding | str]:
@@ -106,7 +122,11 @@ def _members(session: HubSession, info: GatewayInfo | None) -> Iterator[Finding 
     for one in described:
         if one.silence:
             cure = "start it again, or wait: the hub forgets it soon"
-            yield Finding(Level.WARNING, f"gateway '{one.record.name}' was last heard of {one.silence:.0f} s ago", cure)
+            yield Finding(
+                Level.WARNING,
+                f"gateway '{one.record.name}' was last heard of {one.silence:.0f} s ago",
+                cure,
+            )
     alive = [one.record for one in described if not one.silence]
     for record in alive:
         hosts = [other.host for other in alive if other is not record]
@@ -128,8 +148,14 @@ def _rules(client: GatewayClient) -> Iterator[Finding]:
         return
     idle = sum(state.level != DiagnosticStatus.OK for state in states)
     what = f"{len(states) - idle} of {len(states)} rules are active"
-    yield Finding(Level.WARNING, what, "rosrun rocon_gateway rules says why") if idle else Finding(Level.OK, what)
+    yield (
+        Finding(Level.WARNING, what, "rosrun rocon_gateway rules says why")
+        if idle
+        else Finding(Level.OK, what)
+    )
     for state in states:
         before, mark, cure = state.message.partition(verdict.UNCOVERED)
         if mark:
-            yield Finding(Level.WARNING, f"{state.name}: {before}not covered by a rule", cure.strip(" '"))
+            yield Finding(
+                Level.WARNING, f"{state.name}: {before}not covered by a rule", cure.strip(" '")
+            )

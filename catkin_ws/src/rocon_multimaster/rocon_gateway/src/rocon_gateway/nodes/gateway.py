@@ -86,7 +86,9 @@ class GatewayNode:
     def __init__(self, node: NodeHandle, reactor: Reactor, failed: Callable[[], object]) -> None:
         """Takes the node, its event loop, and a callback for an internal error that ends the reconciling thread."""
         self._node, self._logger, self._failed = node, logging.getLogger(LOGGER), failed
-        self._config = config_from_mapping(GatewayConfig, with_rules_file(node.parameters(), self._logger), node.name)
+        self._config = config_from_mapping(
+            GatewayConfig, with_rules_file(node.parameters(), self._logger), node.name
+        )
         self._period = self._config.watch_loop_period
         self._options = self._config.options()
         self._name, self._instance = self._config.unique_name(), uuid.uuid4().hex
@@ -99,7 +101,9 @@ class GatewayNode:
         self._keyring = PasswordKeyring(access.password) if access.password else None
         self._is_open = access != OPEN or self._config.insecure
         interface = self._config.network_interface
-        self._fixed_host = LOOPBACK if not self._is_open else interface_address(interface) if interface else ""
+        self._fixed_host = (
+            LOOPBACK if not self._is_open else interface_address(interface) if interface else ""
+        )
         self._warn(access)
         self._host = self._fixed_host or own_address("")
         self._info = node.advertise("~gateway_info", GatewayInfo, latch=True)
@@ -108,7 +112,10 @@ class GatewayNode:
         namespace, master_uri = self._config.own_namespace, rosgraph.get_master_uri()
         self._own: list[ComputerTopic | LogTopic] = []
         if namespace:
-            self._own = [ComputerTopic(node, master_uri, self._name, namespace), LogTopic(node, namespace)]
+            self._own = [
+                ComputerTopic(node, master_uri, self._name, namespace),
+                LogTopic(node, namespace),
+            ]
         crossing = {one.topic for one in self._own}
         self._master = MasterWatch(master_uri, node.name, crossing)
         self._bell = MasterBell(master_uri, node.name)
@@ -117,11 +124,21 @@ class GatewayNode:
         self._outcome = Outcome()
         self._said: tuple[object, object] = (None, None)
         self._uncovered: set[tuple[str, str]] = set()
-        self._kept = KeptFolder(Path(self._config.kept_folder), self._logger) if self._config.kept_folder else None
-        self._relay = TcpRelay(self._relay_config(), self._wake, self._logger, access.certificates, reactor)
-        self._hubs = Hubs(self._hub_config(access), self._record(), self._linked, self._wake, self._logger)
+        self._kept = (
+            KeptFolder(Path(self._config.kept_folder), self._logger)
+            if self._config.kept_folder
+            else None
+        )
+        self._relay = TcpRelay(
+            self._relay_config(), self._wake, self._logger, access.certificates, reactor
+        )
+        self._hubs = Hubs(
+            self._hub_config(access), self._record(), self._linked, self._wake, self._logger
+        )
         self._turned, self._begun, self._done = threading.Condition(), 0, 0
-        self._handlers = ServiceHandlers(node, book, self._hubs, self._relay, self._settle, self._set_period)
+        self._handlers = ServiceHandlers(
+            node, book, self._hubs, self._relay, self._settle, self._set_period
+        )
         node.subscribe("~force_update", Empty, lambda _message, _sender: self._wake())
         self._ended: Callable[[], object] = lambda: None
         self._thread = threading.Thread(target=self._run, name="compare", daemon=True)
@@ -132,7 +149,11 @@ class GatewayNode:
         fault = found.fault() if found else ""
         if fault:
             # Not fatal: the reason may be a clock that is not set yet.
-            self._logger.error("no other gateway accepts our certificate (%s in %s)", fault, found and found.directory)
+            self._logger.error(
+                "no other gateway accepts our certificate (%s in %s)",
+                fault,
+                found and found.directory,
+            )
         return found
 
     def _warn(self, access: Access) -> None:
@@ -229,7 +250,9 @@ class GatewayNode:
                 for topic in self._own:
                     topic.turn()
                 if self._diagnostics.has_subscribers:
-                    self._node.call(partial(self._diagnostics.publish, self._diagnostic_array(with_links=True)))
+                    self._node.call(
+                        partial(self._diagnostics.publish, self._diagnostic_array(with_links=True))
+                    )
 
     def _look(self) -> bool:
         try:
@@ -308,8 +331,15 @@ class GatewayNode:
         """Returns the gateways with open links; parameters have no permanent link."""
         status = self._relay.status()
         up = {LinkState.ACTIVE, LinkState.RATE_LIMITED, LinkState.NO_PUBLISHER, LinkState.NO_SERVER}
-        links: list[tuple[Export | Import, LinkStatus]] = [*status.imports.items(), *status.exports.items()]
-        return {one.key.gateway for one, link in links if link.state in up and one.subject is not Subject.PARAMETER}
+        links: list[tuple[Export | Import, LinkStatus]] = [
+            *status.imports.items(),
+            *status.exports.items(),
+        ]
+        return {
+            one.key.gateway
+            for one, link in links
+            if link.state in up and one.subject is not Subject.PARAMETER
+        }
 
     def _tell(self, view: Overview) -> None:
         info = self._gateway_info(view)
@@ -326,7 +356,9 @@ class GatewayNode:
             key = (state.gateway, state.rule.name)
             if verdict.UNCOVERED in state.verdict.reason and key not in self._uncovered:
                 self._uncovered.add(key)
-                self._logger.warning("%s comes from %s %s", state.rule.name, state.gateway, state.verdict.reason)
+                self._logger.warning(
+                    "%s comes from %s %s", state.rule.name, state.gateway, state.verdict.reason
+                )
 
     def _gateway_info(self, view: Overview) -> GatewayInfo:
         book, outcome = self._handlers.book, self._outcome
@@ -355,15 +387,23 @@ class GatewayNode:
 
     def _diagnostic_array(self, with_links: bool = False) -> DiagnosticArray:
         array = DiagnosticArray(
-            status=[conversions.diagnostic_from_state(state, self._name) for state in self._outcome.states]
+            status=[
+                conversions.diagnostic_from_state(state, self._name)
+                for state in self._outcome.states
+            ]
         )
         if with_links:
             status = self._relay.status()
-            rows: list[tuple[Export | Import, LinkStatus]] = [*status.exports.items(), *status.imports.items()]
+            rows: list[tuple[Export | Import, LinkStatus]] = [
+                *status.exports.items(),
+                *status.imports.items(),
+            ]
             links = dict(rows)
             flows = self._traffic.look(time.monotonic(), links)
             array.status += [
-                conversions.diagnostic_from_link(one, link, flows[one], status.latencies, self._name)
+                conversions.diagnostic_from_link(
+                    one, link, flows[one], status.latencies, self._name
+                )
                 for one, link in links.items()
             ]
         array.header.stamp = self._node.stamp()
@@ -395,6 +435,8 @@ def main() -> int:
     raise_limit()
     process = NodeProcess(sys.argv, (GatewayError, HubProtocolError, CertificateError))
     reactor = process.context.reactor
-    if not process.add(process.own_name("gateway"), lambda node: GatewayNode(node, reactor, process.fail)):
+    if not process.add(
+        process.own_name("gateway"), lambda node: GatewayNode(node, reactor, process.fail)
+    ):
         process.fail()
     leave(process.run())

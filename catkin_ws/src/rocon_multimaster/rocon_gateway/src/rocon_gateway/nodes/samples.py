@@ -33,7 +33,9 @@ def _ask(ns: str, service: str, kind: Any, what: str, **fields: Any) -> Any:
     rospy.wait_for_service(name)
     response = rospy.ServiceProxy(name, kind)(**fields)
     if response.result != msg.ErrorCodes.SUCCESS:
-        raise GatewaySampleRuntimeError(f"{what} failed: {response.error_message} (error {response.result})")
+        raise GatewaySampleRuntimeError(
+            f"{what} failed: {response.error_message} (error {response.result})"
+        )
     return response
 
 
@@ -54,7 +56,9 @@ def find_first_remote_gateway(ns: str = NAMESPACE) -> str:
     return str(found[0].name)
 
 
-def connect_hub_by_service(ns: str = NAMESPACE, raise_exception: bool = True, uri: str = HUB_URI) -> tuple[int, str]:
+def connect_hub_by_service(
+    ns: str = NAMESPACE, raise_exception: bool = True, uri: str = HUB_URI
+) -> tuple[int, str]:
     """Connects the gateway to the hub at ``uri``; returns the service's result and error message.
 
     Raises:
@@ -64,7 +68,9 @@ def connect_hub_by_service(ns: str = NAMESPACE, raise_exception: bool = True, ur
     rospy.wait_for_service(name, _CONNECT_TIMEOUT)
     response = rospy.ServiceProxy(name, srv.ConnectHub)(uri)
     if response.result != msg.ErrorCodes.SUCCESS and raise_exception:
-        raise GatewaySampleRuntimeError(f"cannot connect to the hub at {uri}: {response.error_message}")
+        raise GatewaySampleRuntimeError(
+            f"cannot connect to the hub at {uri}: {response.error_message}"
+        )
     return response.result, response.error_message
 
 
@@ -73,7 +79,9 @@ def advertise_all(cancel: bool = False, ns: str = NAMESPACE) -> None:
     _ask(ns, "advertise_all", srv.AdvertiseAll, "advertise_all", cancel=cancel, blacklist=[])
 
 
-def advertise_tutorials(cancel: bool = False, regex_patterns: bool = False, ns: str = NAMESPACE) -> None:
+def advertise_tutorials(
+    cancel: bool = False, regex_patterns: bool = False, ns: str = NAMESPACE
+) -> None:
     """Advertises the tutorial's connections, by their names or by patterns."""
     rules = _tutorial_rules(regex_patterns)
     _ask(ns, "advertise", srv.Advertise, "advertise", cancel=cancel, rules=rules)
@@ -81,34 +89,54 @@ def advertise_tutorials(cancel: bool = False, regex_patterns: bool = False, ns: 
 
 def _all(service: str, gateway: str | None, cancel: bool, ns: str) -> None:
     remote = gateway or find_first_remote_gateway(ns)
-    _ask(ns, service, srv.RemoteAll, f"{service} with {remote}", gateway=remote, cancel=cancel, blacklist=[])
+    _ask(
+        ns,
+        service,
+        srv.RemoteAll,
+        f"{service} with {remote}",
+        gateway=remote,
+        cancel=cancel,
+        blacklist=[],
+    )
 
 
-def _tutorials(service: str, gateway: str | None, cancel: bool, regex_patterns: bool, ns: str) -> None:
+def _tutorials(
+    service: str, gateway: str | None, cancel: bool, regex_patterns: bool, ns: str
+) -> None:
     remote = gateway or find_first_remote_gateway(ns)
     remotes = [msg.RemoteRule(remote, rule) for rule in _tutorial_rules(regex_patterns)]
     _ask(ns, service, srv.Remote, f"{service} with {remote}", cancel=cancel, remotes=remotes)
 
 
-def pull_all(remote_gateway_name: str | None = None, cancel: bool = False, ns: str = NAMESPACE) -> None:
+def pull_all(
+    remote_gateway_name: str | None = None, cancel: bool = False, ns: str = NAMESPACE
+) -> None:
     """Pulls everything that a gateway advertises, by default the first one."""
     _all("pull_all", remote_gateway_name, cancel, ns)
 
 
 def pull_tutorials(
-    remote_gateway_name: str | None = None, cancel: bool = False, regex_patterns: bool = False, ns: str = NAMESPACE
+    remote_gateway_name: str | None = None,
+    cancel: bool = False,
+    regex_patterns: bool = False,
+    ns: str = NAMESPACE,
 ) -> None:
     """Pulls the tutorial's connections from a gateway, by default the first one."""
     _tutorials("pull", remote_gateway_name, cancel, regex_patterns, ns)
 
 
-def flip_all(remote_gateway_name: str | None = None, cancel: bool = False, ns: str = NAMESPACE) -> None:
+def flip_all(
+    remote_gateway_name: str | None = None, cancel: bool = False, ns: str = NAMESPACE
+) -> None:
     """Flips everything to a gateway, by default the first one."""
     _all("flip_all", remote_gateway_name, cancel, ns)
 
 
 def flip_tutorials(
-    remote_gateway_name: str | None = None, cancel: bool = False, regex_patterns: bool = False, ns: str = NAMESPACE
+    remote_gateway_name: str | None = None,
+    cancel: bool = False,
+    regex_patterns: bool = False,
+    ns: str = NAMESPACE,
 ) -> None:
     """Flips the tutorial's connections to a gateway, by default the first one."""
     _tutorials("flip", remote_gateway_name, cancel, regex_patterns, ns)

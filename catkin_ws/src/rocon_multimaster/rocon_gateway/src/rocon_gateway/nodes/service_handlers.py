@@ -73,13 +73,17 @@ class ServiceHandlers:
                 self._book = change(self._book)
         except GatewayError as error:
             self._node.logger.warning("refused: %s", error)
-            return int(error.code if isinstance(error, RequestError) else Code.HUB_UNKNOWN_ERROR), str(error)
+            return int(
+                error.code if isinstance(error, RequestError) else Code.HUB_UNKNOWN_ERROR
+            ), str(error)
         self._settle()
         return int(Code.SUCCESS), ""
 
     def _need_hub(self) -> None:
         if not self._hubs.view().connected:
-            raise RequestError(Code.NO_HUB_CONNECTION, "there is no hub connection yet; see connect_hub")
+            raise RequestError(
+                Code.NO_HUB_CONNECTION, "there is no hub connection yet; see connect_hub"
+            )
 
     def _advertise(self, request: srv.AdvertiseRequest) -> srv.AdvertiseResponse:
         def change(book: RuleBook) -> RuleBook:
@@ -87,24 +91,32 @@ class ServiceHandlers:
             return book.unadvertised(rules) if request.cancel else book.advertised(rules)
 
         result, message = self._change(change)
-        watchlist = [conversions.message_from_rule(rule) for rule in self._book.advertisements.rules]
+        watchlist = [
+            conversions.message_from_rule(rule) for rule in self._book.advertisements.rules
+        ]
         return srv.AdvertiseResponse(result, message, watchlist)
 
     def _advertise_all(self, request: srv.AdvertiseAllRequest) -> srv.AdvertiseAllResponse:
         def change(book: RuleBook) -> RuleBook:
-            rules = conversions.rules_from_messages(request.blacklist, Code.UNKNOWN_ADVERTISEMENT_ERROR)
+            rules = conversions.rules_from_messages(
+                request.blacklist, Code.UNKNOWN_ADVERTISEMENT_ERROR
+            )
             return book.advertising_nothing() if request.cancel else book.advertising_all(rules)
 
         result, message = self._change(change)
         book = self._book
         in_force = dict.fromkeys((*book.blacklist, *book.advertisements.blacklist))
-        return srv.AdvertiseAllResponse(result, message, [conversions.message_from_rule(rule) for rule in in_force])
+        return srv.AdvertiseAllResponse(
+            result, message, [conversions.message_from_rule(rule) for rule in in_force]
+        )
 
     def _remote(self, action: str, request: srv.RemoteRequest) -> srv.RemoteResponse:
         def change(book: RuleBook) -> RuleBook:
             if action == "pull" and not request.cancel:
                 self._need_hub()
-            remotes = conversions.remote_rules_from_messages(request.remotes, Code.HUB_UNKNOWN_ERROR)
+            remotes = conversions.remote_rules_from_messages(
+                request.remotes, Code.HUB_UNKNOWN_ERROR
+            )
             return book.removed(action, remotes) if request.cancel else book.added(action, remotes)
 
         return srv.RemoteResponse(*self._change(change))
@@ -128,14 +140,23 @@ class ServiceHandlers:
         self._settle()
         return srv.ConnectHubResponse(int(Code.SUCCESS), "")
 
-    def _remote_gateway_info(self, request: srv.RemoteGatewayInfoRequest) -> srv.RemoteGatewayInfoResponse:
+    def _remote_gateway_info(
+        self, request: srv.RemoteGatewayInfoRequest
+    ) -> srv.RemoteGatewayInfoResponse:
         found = self._hubs.describe(request.gateways)
         for name in set(request.gateways) - {one.record.name for one in found}:
             self._node.logger.warning("there is no gateway '%s' on our hubs", name)
         latencies = self._relay.status().latencies
         return srv.RemoteGatewayInfoResponse(
-            [conversions.message_from_record(one.record, one.silence, latencies.get(one.record.name)) for one in found]
+            [
+                conversions.message_from_record(
+                    one.record, one.silence, latencies.get(one.record.name)
+                )
+                for one in found
+            ]
         )
 
-    def _set_watcher_period(self, request: srv.SetWatcherPeriodRequest) -> srv.SetWatcherPeriodResponse:
+    def _set_watcher_period(
+        self, request: srv.SetWatcherPeriodRequest
+    ) -> srv.SetWatcherPeriodResponse:
         return srv.SetWatcherPeriodResponse(self._set_period(request.period))

@@ -75,7 +75,9 @@ class Process:
     def record(self, outcome: Outcome) -> Record:
         book = self.computer.book
         rules = book.flips.rules, book.pulls.rules
-        return Record(self.name, self.instance, self.name, self.port, False, outcome.advertised, *rules)
+        return Record(
+            self.name, self.instance, self.name, self.port, False, outcome.advertised, *rules
+        )
 
     def end(self, orderly: bool) -> None:
         if self._ended:
@@ -114,7 +116,9 @@ class Process:
             self.take()
 
     def _retry(self, after: float = 0.0) -> None:
-        self.world.at(self.world.now + after + RETRY * self.world.random.uniform(0.5, 1.5), self._try)
+        self.world.at(
+            self.world.now + after + RETRY * self.world.random.uniform(0.5, 1.5), self._try
+        )
 
     @contextmanager
     def _visit(self) -> Iterator[None]:
@@ -167,7 +171,9 @@ class Process:
             self.wake()
 
     def _linked(self) -> set[str]:
-        up = {one.source_gateway for one, link in self.links.items() if link.state == LinkState.ACTIVE}
+        up = {
+            one.source_gateway for one, link in self.links.items() if link.state == LinkState.ACTIVE
+        }
         feeding = {
             other.name
             for other in self.world.listening.values()
@@ -225,7 +231,10 @@ class Process:
         if other is None or self.world.is_cut(self.name, other.name):
             return LinkState.UNREACHABLE
         key = (wanted.subject, wanted.key.topic, self.name, wanted.key.source_node)
-        exported = {(one.subject, one.key.topic, one.to_gateway, one.key.source_node) for one in other.exports}
+        exported = {
+            (one.subject, one.key.topic, one.to_gateway, one.key.source_node)
+            for one in other.exports
+        }
         return LinkState.ACTIVE if key in exported else LinkState.REFUSED
 
 

@@ -14,7 +14,9 @@ Clock = Callable[[], float]
 class RedisModel:
     """One run of a Redis server. Events are passed to `deliver(subscription, message)`, which may delay them."""
 
-    def __init__(self, number: int, clock: Clock, deliver: Callable[[Subscription, dict[str, Any]], None]) -> None:
+    def __init__(
+        self, number: int, clock: Clock, deliver: Callable[[Subscription, dict[str, Any]], None]
+    ) -> None:
         self.number = number
         self.clock = clock
         self.deliver = deliver
@@ -103,7 +105,9 @@ class ClientModel:
     def __getattr__(self, name: str) -> Callable[..., Any]:
         return lambda *arguments, **options: getattr(self._server(), name)(*arguments, **options)
 
-    def eval(self, _script: str, _count: int, alive: str, lost: str, channel: str, *arguments: object) -> int:
+    def eval(
+        self, _script: str, _count: int, alive: str, lost: str, channel: str, *arguments: object
+    ) -> int:
         return self._server().expire_script([alive, lost, channel], str(arguments[-1]))
 
     def pubsub(self) -> Subscription:
@@ -149,7 +153,10 @@ class PipelineModel:
 
     def execute(self, raise_on_error: bool = True) -> list[Any]:
         server = self._server()
-        return [getattr(server, name)(*arguments, **options) for name, arguments, options in self._commands]
+        return [
+            getattr(server, name)(*arguments, **options)
+            for name, arguments, options in self._commands
+        ]
 
 
 class Subscription:

@@ -42,7 +42,14 @@ def drawn(seed: int) -> list[Fault]:
         gateway, other = source.sample(NAMES, 2)
         seconds = source.choice((0.05, 0.5, 1.9, 2.3, 4.0, 9.0))
         faults.append(
-            Fault(source.uniform(0, SPAN), source.choice(FAULTS), gateway, other, seconds, source.randrange(1000))
+            Fault(
+                source.uniform(0, SPAN),
+                source.choice(FAULTS),
+                gateway,
+                other,
+                seconds,
+                source.randrange(1000),
+            )
         )
     return sorted(faults)
 

@@ -38,7 +38,11 @@ _RULES: tuple[tuple[str, Kind, str], ...] = (
 
 def _nodes(name: str) -> list[Connection]:
     # A name has one server, and which one depends on the order of arrival; here each computer has names of its own.
-    nodes = publisher("/scan", "/laser"), publisher("/tf", "/localisation"), subscriber("/scan", "/viewer")
+    nodes = (
+        publisher("/scan", "/laser"),
+        publisher("/tf", "/localisation"),
+        subscriber("/scan", "/viewer"),
+    )
     return [*nodes, service(f"/{name}/add", "/adder")]
 
 
@@ -56,7 +60,9 @@ class World:
         self.cut_from_hub: dict[str, float] = {}
         self.cut_links: dict[frozenset[str], float] = {}
         self.listening: dict[int, Process] = {}
-        self.computers = {name: Computer(RuleBook(name), {*self.random.sample(_nodes(name), 2)}) for name in NAMES}
+        self.computers = {
+            name: Computer(RuleBook(name), {*self.random.sample(_nodes(name), 2)}) for name in NAMES
+        }
         for computer in self.computers.values():
             for _ in range(2):
                 self.change_rule(computer, self.random.randrange(1000))
@@ -116,7 +122,9 @@ class World:
         held = max(self.now, self.frozen, self.cut_from_hub.get(owner.name, 0.0) if owner else 0.0)
         # One connection keeps the order within a channel; across channels, the model allows more than a connection.
         channel = message["channel"]
-        when = max(held + self.random.choice((0.0, 0.001, 0.02, 0.2)), subscription.last.get(channel, 0.0))
+        when = max(
+            held + self.random.choice((0.0, 0.001, 0.02, 0.2)), subscription.last.get(channel, 0.0)
+        )
         subscription.last[channel] = when
         copies = 2 if self.random.random() < 0.1 else 1
         for _ in range(copies):
@@ -192,7 +200,9 @@ class World:
         if action == "flip":
             remote = to(target, kind, name)
             known = remote in book.flips.rules
-            computer.book = book.removed("flip", [remote]) if known else book.added("flip", [remote])
+            computer.book = (
+                book.removed("flip", [remote]) if known else book.added("flip", [remote])
+            )
             return
         remote = RemoteRule(target, Rule(kind, name))
         known = remote in book.pulls.rules

@@ -25,9 +25,13 @@ class Context(NodeContext):
         certificates: Certificates | None,
     ) -> None:
         timeouts = config.handshake_timeout, config.call_timeout
-        super().__init__(reactor, config.master_uri, config.host, config.node_bind, logger, *timeouts)
+        super().__init__(
+            reactor, config.master_uri, config.host, config.node_bind, logger, *timeouts
+        )
         self.config = config  #: the relay's configuration
-        self.tls = Tls(certificates) if certificates else None  #: encrypts links; None if they are not encrypted
+        self.tls = (
+            Tls(certificates) if certificates else None
+        )  #: encrypts links; None if they are not encrypted
         self.changed = changed  #: must be called when the state of a link has changed
         self.round_trips: dict[str, RoundTrips] = {}  #: round trips to other gateways, by name
 
@@ -38,7 +42,9 @@ class Context(NodeContext):
 
     def bound(self, backlog: Backlog, options: LinkOptions, drops_first: bool = False) -> None:
         """Sets the limits of the send queue of one receiver; see `Backlog.bound`."""
-        backlog.bound(options.queue_size or self.config.queue_size, self.config.queue_bytes, drops_first)
+        backlog.bound(
+            options.queue_size or self.config.queue_size, self.config.queue_bytes, drops_first
+        )
 
     def pause(self) -> Pause:
         """Returns new pauses between attempts."""

@@ -84,7 +84,9 @@ class DialledLink(DialledStream):
             return
         hello = self._hello.fields()
         self._expected = proof(found[1], "source", hello, challenge)
-        self.send(header_bytes({"relay": VERSION, "proof": proof(found[1], "sink", hello, challenge)}))
+        self.send(
+            header_bytes({"relay": VERSION, "proof": proof(found[1], "sink", hello, challenge)})
+        )
 
     def _parse_more(self, data: memoryview) -> int:
         """Parses the data that follows the welcome."""
@@ -136,7 +138,9 @@ class TopicLink(DialledLink):
         if late or received != self._heard[0]:
             self._heard = (received, now)
         elif now - self._heard[1] >= self._context.config.silence:
-            self.close(f"nothing has come for {now - self._heard[1]:.0f} s, though it was asked to answer")
+            self.close(
+                f"nothing has come for {now - self._heard[1]:.0f} s, though it was asked to answer"
+            )
         else:
             self.ping(0.0, measures=False)
 
@@ -157,4 +161,6 @@ class TopicLink(DialledLink):
         if self._awaits_pong and token == str(self._pings):
             self._awaits_pong = False
             if self._measures:
-                self._context.round_trip(self._hello.source_gateway, time.monotonic() - self._pinged)
+                self._context.round_trip(
+                    self._hello.source_gateway, time.monotonic() - self._pinged
+                )

@@ -33,7 +33,9 @@ from tcpros.tls_socket import begins_tls
 UNSENT = 64 * 1024
 """Limit of unsent data in the kernel for a link with a `queue_size` option [bytes]."""
 
-NEEDS_TLS = f"it speaks TLS only, and we have no certificate: set {VARIABLE} to a directory with one"
+NEEDS_TLS = (
+    f"it speaks TLS only, and we have no certificate: set {VARIABLE} to a directory with one"
+)
 DIFFERS = "its password differs from ours"
 NO_PASSWORD = "it asks for a password, and we have none"
 NO_HUB = "it is on no hub of ours, or has not joined it yet"
@@ -57,19 +59,27 @@ class Exporter(Protocol):
 class ExportEnd(Stream):
     """One link opened by another gateway's relay."""
 
-    def __init__(self, context: Context, exporter: Exporter, sock: socket.socket, peer: str) -> None:
-        super().__init__(context.reactor, sock, peer, context.tls.accepted(sock) if context.tls else None)
+    def __init__(
+        self, context: Context, exporter: Exporter, sock: socket.socket, peer: str
+    ) -> None:
+        super().__init__(
+            context.reactor, sock, peer, context.tls.accepted(sock) if context.tls else None
+        )
         watch_liveness(sock)
         self.hello: Hello | None = None  #: the peer's hello, once received
         self.export: Export | None = None  #: the export that serves it, once accepted
-        self.outlet: Outlet = self  #: receives the messages: the link itself, or the sieve in front of it
+        self.outlet: Outlet = (
+            self  #: receives the messages: the link itself, or the sieve in front of it
+        )
         self._options = NO_OPTIONS
         self._sieve: Sieve | None = None
         self._left_out = self._saved = 0
         self._pong = b""
         self._context = context
         self._exporter = exporter
-        self.is_proven = self._tls is not None  #: whether the peer has proved that it belongs to the fleet
+        self.is_proven = (
+            self._tls is not None
+        )  #: whether the peer has proved that it belongs to the fleet
         self._expected = self._proof = ""
         self._wanted = False
         self._demand = ""
@@ -80,7 +90,9 @@ class ExportEnd(Stream):
         self._bytes = 0
         self._state = LinkState.ACTIVE
         self._reason = ""
-        self.timer: Timer = context.reactor.call_later(context.config.handshake_timeout, self._too_late)
+        self.timer: Timer = context.reactor.call_later(
+            context.config.handshake_timeout, self._too_late
+        )
         self.parse = self._parse_first
 
     def status(self) -> LinkStatus:
@@ -90,7 +102,9 @@ class ExportEnd(Stream):
         if self._sieve is not None:
             left_out, saved = left_out + self._sieve.left_out, saved + self._sieve.saved
         went = self._messages - drops, self._bytes + saved
-        return LinkStatus(self._state, self._reason, int(self._wanted), *went, drops, left_out, saved)
+        return LinkStatus(
+            self._state, self._reason, int(self._wanted), *went, drops, left_out, saved
+        )
 
     def push(self, chunk: Chunk) -> None:
         """Counts and sends a chunk."""
@@ -119,7 +133,13 @@ class ExportEnd(Stream):
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT)
         self._set_active()
         self.parse = self._parse_control
-        self.welcome({key: value for key, value in self._options.fields().items() if key in ("rate", "compress")})
+        self.welcome(
+            {
+                key: value
+                for key, value in self._options.fields().items()
+                if key in ("rate", "compress")
+            }
+        )
         self._context.changed()
 
     def serve(self, ended: Ended) -> None:
@@ -141,17 +161,23 @@ class ExportEnd(Stream):
     def source_found(self, header: Mapping[str, str]) -> bool:
         """Compares the publisher's type with the requested one and starts forwarding."""
         assert self.hello is not None
-        wrong = mismatch(self.hello.type, self.hello.md5sum, header.get("type", ANY), header.get("md5sum", ANY))
+        wrong = mismatch(
+            self.hello.type, self.hello.md5sum, header.get("type", ANY), header.get("md5sum", ANY)
+        )
         if wrong:
             self._tell(LinkState.TYPE_MISMATCH, wrong)
             return False
         if self._options.needs_messages:
             self._end_sieve()
-            self.outlet = self._sieve = Sieve(self._reactor, self, self._options, header.get("type", ANY))
+            self.outlet = self._sieve = Sieve(
+                self._reactor, self, self._options, header.get("type", ANY)
+            )
         self._set_active()
         fields = {key: header[key] for key in _PASSED_ON if key in header}
         self.send(control_frame(op="connected", demand=self._demand, **fields))
-        return not self.is_closed  # a link closed meanwhile has left the fan-out and must not rejoin
+        return (
+            not self.is_closed
+        )  # a link closed meanwhile has left the fan-out and must not rejoin
 
     def source_lost(self, reason: str) -> None:
         """Notifies the sink that there is no publisher."""
@@ -219,7 +245,9 @@ class ExportEnd(Stream):
 
     def _parse_first(self, data: memoryview) -> int:
         if self._tls is None and begins_tls(data):
-            self._refuse_client(f"it speaks TLS, and this gateway has no certificate ({VARIABLE})", "no TLS here")
+            self._refuse_client(
+                f"it speaks TLS, and this gateway has no certificate ({VARIABLE})", "no TLS here"
+            )
             return len(data)
         return header_parser(self._parse_hello)(data)
 
@@ -238,7 +266,9 @@ class ExportEnd(Stream):
             self.refuse(LinkState.REFUSED, NO_HUB if self.hello.keys else NO_PASSWORD)
             return
         challenge = secrets.token_hex(16)
-        self._expected, self._proof = (proof(found[1], role, fields, challenge) for role in ("sink", "source"))
+        self._expected, self._proof = (
+            proof(found[1], role, fields, challenge) for role in ("sink", "source")
+        )
         self.parse = header_parser(self._parse_proof)
         self.send(header_bytes({"relay": VERSION, "challenge": challenge, "key": found[0]}))
 
@@ -271,7 +301,9 @@ class ExportEnd(Stream):
     def _control(self, fields: dict[str, str]) -> None:
         if fields.get("op") == "ping":
             assert self.hello is not None
-            self._context.round_trip(self.hello.sink_gateway, seconds_from_field(fields.get("last", "")))
+            self._context.round_trip(
+                self.hello.sink_gateway, seconds_from_field(fields.get("last", ""))
+            )
             self._pong = control_frame(op="pong", token=fields.get("token", ""))
             self._answer_ping()
             return

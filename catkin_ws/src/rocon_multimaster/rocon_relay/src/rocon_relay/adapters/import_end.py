@@ -28,7 +28,9 @@ class ImportEnd(StandingImport):
 
     link_class = TopicLink
 
-    def __init__(self, context: Context, nodes: ProxyNodes, wanted: Import, ended: Callable[[], None]) -> None:
+    def __init__(
+        self, context: Context, nodes: ProxyNodes, wanted: Import, ended: Callable[[], None]
+    ) -> None:
         super().__init__(context, nodes, wanted, ended)
         self.fanout = Fanout(context.config.max_message_size)
         self.subscribers: dict[Stream, str] = {}  #: connected subscribers, name by connection
@@ -50,7 +52,9 @@ class ImportEnd(StandingImport):
     def hello(self) -> Hello:
         """Returns the hello of a link for this topic."""
         wanted = self.wanted
-        return dataclasses.replace(super().hello(), type=wanted.type, md5sum=wanted.md5sum, options=wanted.options)
+        return dataclasses.replace(
+            super().hello(), type=wanted.type, md5sum=wanted.md5sum, options=wanted.options
+        )
 
     def offered_by(self, node: ProxyNode) -> dict[str, Any]:
         """Returns the node's topics."""
@@ -93,12 +97,18 @@ class ImportEnd(StandingImport):
         drops = self._drops + sum(subscriber.backlog.drops for subscriber in self.subscribers)
         counted = self.fanout.messages, self.fanout.bytes
         saved = self._saved + (self._inflater.saved if self._inflater else 0)
-        return LinkStatus(self._state, self._reason, len(self.subscribers), *counted, drops, saved=saved)
+        return LinkStatus(
+            self._state, self._reason, len(self.subscribers), *counted, drops, saved=saved
+        )
 
     @property
     def running_link(self) -> TopicLink | None:
         """The link, if it is up."""
-        return self._link if isinstance(self._link, TopicLink) and self._link.fanout is not None else None
+        return (
+            self._link
+            if isinstance(self._link, TopicLink) and self._link.fanout is not None
+            else None
+        )
 
     def link_up(self, fields: dict[str, str]) -> None:
         """Called with the welcome when the link is up."""
@@ -125,7 +135,11 @@ class ImportEnd(StandingImport):
         """Handles a control frame from the source."""
         if fields.get("op") == "state":
             self._source_failed(state_from_field(fields.get("state", "")), fields.get("reason", ""))
-        elif fields.get("op") == "connected" and self._wants and fields.get("demand") == str(self._demand):
+        elif (
+            fields.get("op") == "connected"
+            and self._wants
+            and fields.get("demand") == str(self._demand)
+        ):
             self._source_found(fields)
 
     def _source_failed(self, state: LinkState, reason: str) -> None:
@@ -134,7 +148,9 @@ class ImportEnd(StandingImport):
             self.registration.hide()
 
     def _source_found(self, fields: dict[str, str]) -> None:
-        wrong = mismatch(self.wanted.type, self.wanted.md5sum, fields.get("type", ANY), fields.get("md5sum", ANY))
+        wrong = mismatch(
+            self.wanted.type, self.wanted.md5sum, fields.get("type", ANY), fields.get("md5sum", ANY)
+        )
         if wrong:
             self._source_failed(LinkState.TYPE_MISMATCH, wrong)
             return
@@ -178,7 +194,9 @@ class ImportEnd(StandingImport):
         self._context.bound(subscriber.backlog, self.wanted.options)
         if self._source is not None:
             return self._serve(subscriber, fields)
-        wrong = mismatch(fields.get("type", ANY), fields.get("md5sum", ANY), self.wanted.type, self.wanted.md5sum)
+        wrong = mismatch(
+            fields.get("type", ANY), fields.get("md5sum", ANY), self.wanted.type, self.wanted.md5sum
+        )
         if wrong:
             return wrong
         self._pending[subscriber] = fields
@@ -207,7 +225,9 @@ class ImportEnd(StandingImport):
             return wrong
         header = {key: value for key, value in source.items() if key not in ("op", "demand")}
         self._told_source = type_, md5sum
-        subscriber.send(header_bytes({**header, "topic": self.wanted.topic, "callerid": self.wanted.proxy}))
+        subscriber.send(
+            header_bytes({**header, "topic": self.wanted.topic, "callerid": self.wanted.proxy})
+        )
         if not subscriber.is_closed:
             self.fanout.join(subscriber)
         return ""

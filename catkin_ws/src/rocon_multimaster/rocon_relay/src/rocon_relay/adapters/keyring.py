@@ -42,7 +42,9 @@ class PasswordKeyring:
         known = self._keys if password == self._used else {}
         self._used = password
         # One assignment: readers see either the old or the new keys, never a mix.
-        self._keys = {key_name(one): known.get(key_name(one)) or _key(password, one) for one in self._salts}
+        self._keys = {
+            key_name(one): known.get(key_name(one)) or _key(password, one) for one in self._salts
+        }
 
     def names(self) -> tuple[str, ...]:
         """Returns the names of the valid keys."""

@@ -73,7 +73,9 @@ class ParameterExportEnd:
 class _ParameterLink(DialledLink):
     """A link that receives one value."""
 
-    def __init__(self, context: Context, owner: "ParameterImportEnd", address: Address, hello: Hello) -> None:
+    def __init__(
+        self, context: Context, owner: "ParameterImportEnd", address: Address, hello: Hello
+    ) -> None:
         super().__init__(context, owner, address, hello)
         self._import = owner
         self._received = bytearray()
@@ -81,7 +83,9 @@ class _ParameterLink(DialledLink):
     def accepted(self, fields: dict[str, str]) -> None:
         """Handles the welcome."""
         super().accepted(fields)
-        self._timer = self._reactor.call_later(self._context.config.handshake_timeout, self._too_late)
+        self._timer = self._reactor.call_later(
+            self._context.config.handshake_timeout, self._too_late
+        )
 
     def _parse_more(self, data: memoryview) -> int:
         self._received += data
@@ -100,7 +104,9 @@ class ParameterImportEnd(DialledImport):
 
     link_class = _ParameterLink
 
-    def __init__(self, context: Context, _nodes: ProxyNodes, wanted: Import, ended: Callable[[], None]) -> None:
+    def __init__(
+        self, context: Context, _nodes: ProxyNodes, wanted: Import, ended: Callable[[], None]
+    ) -> None:
         super().__init__(context, wanted, ended)
         self._is_copied = False
         self._size = 0

@@ -34,10 +34,14 @@ class ProxyNode:
         self.services: dict[str, Offered] = {}  #: its services by name
         config = context.config
         self._port = NodePort(context, name, self.topics, self.services)
-        self.service_uri = f"rosrpc://{config.host}:{self._port.number}"  #: the address of its services
+        self.service_uri = (
+            f"rosrpc://{config.host}:{self._port.number}"  #: the address of its services
+        )
         self.uri = proxy_uri(config.host, self._port.number, config.gateway)  #: its XML-RPC URI
         self._port.api.uri = self.uri
-        self._port.api.shut_down = lambda _reason: f"{name} is shown by a gateway; take back its rule there to end it"
+        self._port.api.shut_down = lambda _reason: (
+            f"{name} is shown by a gateway; take back its rule there to end it"
+        )
         self._port.open()
 
     def close(self) -> None:

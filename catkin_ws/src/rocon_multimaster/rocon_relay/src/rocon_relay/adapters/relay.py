@@ -184,7 +184,9 @@ class TcpRelay:
                 end.replace(wanted)
             return
         kind = _IMPORT_ENDS[wanted.subject]
-        self._imports[name] = end = kind(self._context, self._nodes, wanted, lambda: self._retired(name))
+        self._imports[name] = end = kind(
+            self._context, self._nodes, wanted, lambda: self._retired(name)
+        )
         if name not in self._retiring:
             end.start()
 
@@ -205,19 +207,27 @@ class TcpRelay:
     def _accepted(self, sock: socket.socket, peer: str) -> None:
         self._unidentified[ExportEnd(self._context, self, sock, peer)] = None
         if len(self._unidentified) > MAX_UNIDENTIFIED:
-            next(iter(self._unidentified)).close("malformed: too many connections wait to be accepted")
+            next(iter(self._unidentified)).close(
+                "malformed: too many connections wait to be accepted"
+            )
 
     def admit(self, end: ExportEnd, hello: Hello) -> None:
         """Accepts or refuses a link, after the configured patience at the latest."""
         own = self._context.config.gateway
-        if end.is_proven and hello.source_gateway != own:  # unproven peers get the answer for a missing export
+        if (
+            end.is_proven and hello.source_gateway != own
+        ):  # unproven peers get the answer for a missing export
             end.refuse(LinkState.REFUSED, f"this is {own}, not {hello.source_gateway}")
         elif not self._admit_if_exported(end, hello):
             end.timer.cancel()
             self._parked[end] = hello
-            what = " of ".join(filter(None, (f"{_WHAT[hello.subject]} {hello.source_node}".strip(), hello.topic)))
+            what = " of ".join(
+                filter(None, (f"{_WHAT[hello.subject]} {hello.source_node}".strip(), hello.topic))
+            )
             reason = f"{hello.source_gateway} exports no {what} to {hello.sink_gateway}"
-            end.timer = self._reactor.call_later(self._context.config.patience, lambda: self._give_up(end, reason))
+            end.timer = self._reactor.call_later(
+                self._context.config.patience, lambda: self._give_up(end, reason)
+            )
 
     def _give_up(self, end: ExportEnd, reason: str) -> None:
         self._parked.pop(end, None)
@@ -239,7 +249,8 @@ class TcpRelay:
         peers = self._peers.setdefault(hello.sink_gateway, set())
         if len(peers) >= self._context.config.max_links:
             end.refuse(
-                LinkState.REFUSED, f"{hello.sink_gateway} has {len(peers)} links open here, and may have no more"
+                LinkState.REFUSED,
+                f"{hello.sink_gateway} has {len(peers)} links open here, and may have no more",
             )
             return True
         peers.add(end)
@@ -252,7 +263,11 @@ class TcpRelay:
     def _is_taken(self, name: Key, hello: Hello) -> bool:
         """Returns whether this link would replace an existing one, which only an authenticated gateway may do."""
         other = self._others.get(name)
-        standing = isinstance(other, ServiceExportEnd) and other.standing and hello.subject is not Subject.CALL
+        standing = (
+            isinstance(other, ServiceExportEnd)
+            and other.standing
+            and hello.subject is not Subject.CALL
+        )
         return name in self._links or bool(standing)
 
     def _admit_topic(self, name: Key, end: ExportEnd, hello: Hello, export: Export) -> None:
@@ -270,7 +285,9 @@ class TcpRelay:
         """Returns the shared subscription to a publisher, new or existing."""
         key = export.topic, export.source_node, export.subscriber
         if key not in self._subscriptions:
-            self._subscriptions[key] = Subscription(self._context, export, lambda: self._subscriptions.pop(key, None))
+            self._subscriptions[key] = Subscription(
+                self._context, export, lambda: self._subscriptions.pop(key, None)
+            )
         return self._subscriptions[key]
 
     def ended(self, end: ExportEnd) -> None:
@@ -284,7 +301,10 @@ class TcpRelay:
         if end.export is not None and self._links.get(end.export.key) is end:
             del self._links[end.export.key]
         for waiting, hello in tuple(self._parked.items()):
-            if end.hello and (hello.topic, hello.sink_gateway) == (end.hello.topic, end.hello.sink_gateway):
+            if end.hello and (hello.topic, hello.sink_gateway) == (
+                end.hello.topic,
+                end.hello.sink_gateway,
+            ):
                 self._admit_if_exported(waiting, hello)
 
     def _ping_later(self) -> None:
@@ -319,11 +339,15 @@ class TcpRelay:
         exports = {export: self._export_status(name) for name, export in self._exports.items()}
         found = {gateway: trips.latency() for gateway, trips in self._context.round_trips.items()}
         latencies = {gateway: latency for gateway, latency in found.items() if latency}
-        return RelayStatus(exports, {end.wanted: end.status() for end in self._imports.values()}, latencies)
+        return RelayStatus(
+            exports, {end.wanted: end.status() for end in self._imports.values()}, latencies
+        )
 
     def _export_status(self, name: Key) -> LinkStatus:
         end = self._links.get(name) or self._others.get(name)
-        return end.status() if end else LinkStatus(LinkState.PENDING, "not dialled by the far gateway")
+        return (
+            end.status() if end else LinkStatus(LinkState.PENDING, "not dialled by the far gateway")
+        )
 
     def _changed(self) -> None:
         if not self._change_is_told:

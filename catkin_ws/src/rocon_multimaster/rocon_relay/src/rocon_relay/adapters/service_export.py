@@ -71,8 +71,12 @@ class ServiceExportEnd:
 class ExportedCall:
     """One client of another gateway: finds the server, connects, forwards the client's header and pipes both ways."""
 
-    def __init__(self, context: Context, owner: ServiceExportEnd, link: ExportEnd, hello: Hello) -> None:
-        self.pipe: ServicePipe | None = None  #: joins link and server, once the server has answered the handshake
+    def __init__(
+        self, context: Context, owner: ServiceExportEnd, link: ExportEnd, hello: Hello
+    ) -> None:
+        self.pipe: ServicePipe | None = (
+            None  #: joins link and server, once the server has answered the handshake
+        )
         self._context = context
         self._owner = owner
         self.link = link  #: the link from the far gateway
@@ -138,7 +142,9 @@ class ExportedCall:
         if "error" in header:
             self._refuse(LinkState.REFUSED, header["error"])
             return
-        self.pipe = ServicePipe(self.link, self._server, self._context.config.max_message_size, self._owner.totals)
+        self.pipe = ServicePipe(
+            self.link, self._server, self._context.config.max_message_size, self._owner.totals
+        )
         self.link.welcome({key: header[key] for key in PASSED_ON if key in header})
 
     def lost(self, reason: str) -> None:

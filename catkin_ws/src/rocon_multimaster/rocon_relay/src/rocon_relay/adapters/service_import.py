@@ -32,7 +32,9 @@ class ServiceImportEnd(StandingImport):
     client connection is relayed on its own link, opened when the client connects.
     """
 
-    def __init__(self, context: Context, nodes: ProxyNodes, wanted: Import, ended: Callable[[], None]) -> None:
+    def __init__(
+        self, context: Context, nodes: ProxyNodes, wanted: Import, ended: Callable[[], None]
+    ) -> None:
         super().__init__(context, nodes, wanted, ended)
         self.calls: set[ImportedCall] = set()  #: the clients' connections
         self.totals = CallTotals()  #: counts of all calls
@@ -91,7 +93,9 @@ class ServiceImportEnd(StandingImport):
 class ImportedCall(LinkOwner):
     """One client's connection and the link for its calls."""
 
-    def __init__(self, context: Context, owner: ServiceImportEnd, client: Stream, fields: dict[str, str]) -> None:
+    def __init__(
+        self, context: Context, owner: ServiceImportEnd, client: Stream, fields: dict[str, str]
+    ) -> None:
         self.pipe: ServicePipe | None = None  #: joins both, once the server is reached
         self._context = context
         self._owner = owner
@@ -102,7 +106,9 @@ class ImportedCall(LinkOwner):
     def dial(self) -> None:
         """Opens the link. Reading from the client pauses until the server has answered."""
         md5sum, client = self._fields.get("md5sum", ANY), tuple(sorted(self._fields.items()))
-        hello = dataclasses.replace(self._owner.hello(), subject=Subject.CALL, md5sum=md5sum, client=client)
+        hello = dataclasses.replace(
+            self._owner.hello(), subject=Subject.CALL, md5sum=md5sum, client=client
+        )
         try:
             header_bytes(hello.fields())
         except HeaderError as error:
@@ -124,7 +130,9 @@ class ImportedCall(LinkOwner):
         """Called when the server has answered the handshake."""
         assert self._link is not None
         self._owner.reached()
-        self.pipe = ServicePipe(self._client, self._link, self._context.config.max_message_size, self._owner.totals)
+        self.pipe = ServicePipe(
+            self._client, self._link, self._context.config.max_message_size, self._owner.totals
+        )
         header = {key: fields[key] for key in PASSED_ON if key in fields}
         self._client.send(header_bytes({**header, "callerid": self._owner.wanted.proxy}))
 

@@ -4,7 +4,15 @@ import time
 from collections.abc import Iterator
 
 from rocon_relay.core.option import LinkOptions
-from rocon_relay.core.sieve import TF_TYPES, Pace, StampPace, deflated, inflated, matching_transforms, whole_frame
+from rocon_relay.core.sieve import (
+    TF_TYPES,
+    Pace,
+    StampPace,
+    deflated,
+    inflated,
+    matching_transforms,
+    whole_frame,
+)
 from tcpros.backlog import UNBOUNDED, Backlog
 from tcpros.fanout import Fanout, Outlet
 from tcpros.frame import LENGTH_SIZE, Chunk

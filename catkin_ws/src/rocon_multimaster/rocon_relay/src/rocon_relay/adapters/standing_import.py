@@ -43,7 +43,18 @@ class DialledImport:
         config, wanted = self._context.config, self.wanted
         keys = config.keyring.names() if config.keyring else ()
         source, sink, nonce = wanted.source_gateway, config.gateway, secrets.token_hex(16)
-        return Hello(wanted.topic, ANY, ANY, wanted.source_node, source, sink, (sink,), nonce, wanted.subject, keys)
+        return Hello(
+            wanted.topic,
+            ANY,
+            ANY,
+            wanted.source_node,
+            source,
+            sink,
+            (sink,),
+            nonce,
+            wanted.subject,
+            keys,
+        )
 
     def start(self) -> None:
         """Connects, retrying after each failure until `end`."""
@@ -51,7 +62,9 @@ class DialledImport:
         if self._is_ending:
             return
         self._context.resolver.resolve(
-            self.wanted.address.host, self._dial, lambda reason: self.link_lost(LinkState.UNREACHABLE, reason)
+            self.wanted.address.host,
+            self._dial,
+            lambda reason: self.link_lost(LinkState.UNREACHABLE, reason),
         )
 
     def end(self) -> None:
@@ -87,7 +100,9 @@ class DialledImport:
 class StandingImport(DialledImport):
     """Keeps a link open and registers the proxy's topic or service while it is up."""
 
-    def __init__(self, context: Context, nodes: ProxyNodes, wanted: Import, ended: Callable[[], None]) -> None:
+    def __init__(
+        self, context: Context, nodes: ProxyNodes, wanted: Import, ended: Callable[[], None]
+    ) -> None:
         super().__init__(context, wanted, ended)
         self.registration = Registration(context, nodes, self)
 

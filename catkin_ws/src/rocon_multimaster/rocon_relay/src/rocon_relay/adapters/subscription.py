@@ -101,7 +101,9 @@ class Subscription:
             self._failed(f"{self._node} offers no TCPROS for {self.topic}")
             return
         host, port = offered
-        self._context.resolver.resolve(host, lambda address: self._dial(address, port), self._failed)
+        self._context.resolver.resolve(
+            host, lambda address: self._dial(address, port), self._failed
+        )
 
     def _dial(self, address: str, port: int) -> None:
         if self._customers:
@@ -141,7 +143,12 @@ class _Publisher(PublisherConnection):
     """The connection to the publisher."""
 
     def __init__(self, subscription: Subscription, context: Context, node: str) -> None:
-        fields = {"callerid": subscription.name, "topic": subscription.topic, "type": ANY, "md5sum": ANY}
+        fields = {
+            "callerid": subscription.name,
+            "topic": subscription.topic,
+            "type": ANY,
+            "md5sum": ANY,
+        }
         super().__init__(context, node, {**fields, "tcp_nodelay": "1"})
         self._subscription = subscription
         self._context = context
@@ -154,5 +161,7 @@ class _Publisher(PublisherConnection):
     def closed(self, reason: str) -> None:
         super().closed(reason)
         if reason.startswith("malformed"):
-            self._context.logger.warning("publisher %s of %s: %s", self.peer, self._subscription.topic, reason)
+            self._context.logger.warning(
+                "publisher %s of %s: %s", self.peer, self._subscription.topic, reason
+            )
         self._subscription.lost(self, reason)

@@ -86,7 +86,9 @@ class Export:
     #: as a whole
     topic: str
     type: str  #: message type of a topic as known to our master, or `ANY`
-    source_node: str  #: resolved name of a node on our master, never one of our proxies; "" for a parameter
+    source_node: (
+        str  #: resolved name of a node on our master, never one of our proxies; "" for a parameter
+    )
     to_gateway: str  #: unique name of the importing gateway
     options: LinkOptions = NO_OPTIONS  #: link options of our rules
     #: node name to use when subscribing to the publisher; "" is our own node. Action clients expect the server among
@@ -143,7 +145,9 @@ class LinkStatus:
     subscribers: int = 0
     #: whole messages received from the source (import) or sent to the gateway (export); for a service, calls
     messages: int = 0
-    bytes: int = 0  #: their size including the 4-byte lengths; for a service, of requests and responses
+    bytes: int = (
+        0  #: their size including the 4-byte lengths; for a service, of requests and responses
+    )
     drops: int = 0  #: messages dropped because a receiver was too slow
     left_out: int = 0  #: export: messages not sent because of the link's options
     saved: int = 0  #: bytes saved by compression
@@ -179,9 +183,15 @@ class RelayConfig:
     host: str  #: name or address of this machine, reachable by nodes of our master (ROS_IP, ROS_HOSTNAME)
     port: int = 0  #: TCP port for links; 0 is any free one
     bind: str = ""  #: local address to listen on for links, "" is all
-    node_bind: str = ""  #: local address where proxy nodes listen for nodes of our master, "" is all
-    keyring: Keyring | None = None  #: keys shared by all gateways, or None: see `docs/gateway.md`, Links
-    max_message_size: int = 256 * 2**20  #: maximum message size [bytes]; a longer message closes its connection
+    node_bind: str = (
+        ""  #: local address where proxy nodes listen for nodes of our master, "" is all
+    )
+    keyring: Keyring | None = (
+        None  #: keys shared by all gateways, or None: see `docs/gateway.md`, Links
+    )
+    max_message_size: int = (
+        256 * 2**20
+    )  #: maximum message size [bytes]; a longer message closes its connection
     max_links: int = 1024  #: maximum number of links from one other gateway, service calls included
     ping_period: float = 5.0  #: interval of round-trip measurements
     #: heartbeat timeout: a topic link that receives nothing for this long, although we ping, is closed; detected within
@@ -191,8 +201,12 @@ class RelayConfig:
     queue_bytes: int = 16 * 2**20  #: maximum size of that queue; one message may always wait
     handshake_timeout: float = 5.0  #: timeout for a peer to complete the handshake
     call_timeout: float = 3.0  #: timeout for XML-RPC calls to masters and nodes
-    patience: float = 2.0  #: how long a link waits for an export that does not exist yet before it is refused
-    retry_shortest: float = 0.1  #: first pause before a lost link is reopened; doubles up to `retry_longest`
+    patience: float = (
+        2.0  #: how long a link waits for an export that does not exist yet before it is refused
+    )
+    retry_shortest: float = (
+        0.1  #: first pause before a lost link is reopened; doubles up to `retry_longest`
+    )
     retry_longest: float = 2.0  #: longest pause
 
 

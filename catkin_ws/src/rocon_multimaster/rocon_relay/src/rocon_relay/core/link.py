@@ -42,8 +42,12 @@ class Hello:
     nonce: str
     subject: Subject = Subject.TOPIC
     keys: tuple[str, ...] = ()  #: names of the keys we have, preferred one first
-    client: tuple[tuple[str, str], ...] = ()  #: for a call, the sorted fields of the client's connection header
-    options: LinkOptions = NO_OPTIONS  #: for a topic, the sink's options; one field for each enabled option
+    client: tuple[
+        tuple[str, str], ...
+    ] = ()  #: for a call, the sorted fields of the client's connection header
+    options: LinkOptions = (
+        NO_OPTIONS  #: for a topic, the sink's options; one field for each enabled option
+    )
 
     def fields(self) -> dict[str, str]:
         """Returns the fields of the connection header."""
@@ -73,7 +77,11 @@ class Hello:
         if fields.get("relay") != VERSION:
             raise LinkError(f"it does not speak version {VERSION} of the link protocol")
         subject = next((one for one in Subject if one in fields), Subject.TOPIC)
-        client = ((key.removeprefix(CLIENT), value) for key, value in fields.items() if key.startswith(CLIENT))
+        client = (
+            (key.removeprefix(CLIENT), value)
+            for key, value in fields.items()
+            if key.startswith(CLIENT)
+        )
         try:
             return cls(
                 fields[subject],
@@ -120,7 +128,9 @@ def mismatch(wanted_type: str, wanted_md5sum: str, type_: str, md5sum: str) -> s
     if ANY not in (wanted_type, type_) and wanted_type != type_:
         return f"the type here is {type_}, asked for was {wanted_type}"
     if ANY not in (wanted_md5sum, md5sum) and wanted_md5sum != md5sum:
-        return f"the definition of {type_} differs: MD5 sum {md5sum} here, {wanted_md5sum} asked for"
+        return (
+            f"the definition of {type_} differs: MD5 sum {md5sum} here, {wanted_md5sum} asked for"
+        )
     return ""
 
 
@@ -139,4 +149,6 @@ def proof(key: bytes, role: str, hello: Mapping[str, str], challenge: str) -> st
 
 def is_proof(given: str, expected: str) -> bool:
     """Returns, in constant time, whether a proof is correct; always False if `expected` is empty."""
-    return expected != "" and hmac.compare_digest(given.encode("utf-8", "replace"), expected.encode())
+    return expected != "" and hmac.compare_digest(
+        given.encode("utf-8", "replace"), expected.encode()
+    )

@@ -86,7 +86,9 @@ def check_frames(pattern: str) -> None:
     try:
         compiled(pattern)
     except PatternError as error:
-        raise OptionError(f"the tf_frames pattern '{pattern}' is not a regular expression: {error}") from None
+        raise OptionError(
+            f"the tf_frames pattern '{pattern}' is not a regular expression: {error}"
+        ) from None
 
 
 def options_from_fields(fields: Mapping[str, str]) -> LinkOptions:
@@ -104,7 +106,9 @@ def options_from_fields(fields: Mapping[str, str]) -> LinkOptions:
     except ValueError as error:
         raise OptionError(f"rate, stamp_rate or queue_size: {error}") from None
     if not (0 <= rate < math.inf and 0 <= stamp_rate < math.inf and queue_size >= 0):
-        raise OptionError(f"rate {rate}, stamp_rate {stamp_rate} or queue_size {queue_size} is out of bounds")
+        raise OptionError(
+            f"rate {rate}, stamp_rate {stamp_rate} or queue_size {queue_size} is out of bounds"
+        )
     pattern = fields.get("tf_frames", "")
     check_frames(pattern)
     return LinkOptions(rate, queue_size, bool(compress), (pattern,) if pattern else (), stamp_rate)

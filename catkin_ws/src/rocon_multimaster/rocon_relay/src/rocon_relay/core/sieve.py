@@ -73,7 +73,9 @@ def _transforms(message: bytes) -> tuple[tuple[str, int, int], ...]:
 
 def deflated(message: memoryview) -> bytes:
     """Returns the message compressed with zlib."""
-    return _deflated_small(bytes(message)) if len(message) <= SMALL else zlib.compress(message, LEVEL)
+    return (
+        _deflated_small(bytes(message)) if len(message) <= SMALL else zlib.compress(message, LEVEL)
+    )
 
 
 @functools.lru_cache(maxsize=_REMEMBERED)

@@ -27,7 +27,9 @@ class Traffic:
     def look(self, now: float, links: Mapping[Key, LinkStatus]) -> dict[Key, Flow]:
         """Returns the rates on each connection; zero for a connection seen for the first time."""
         elapsed = max(now - self._then, 1e-3)
-        flows = {key: _flow(self._before.get(key, link), link, elapsed) for key, link in links.items()}
+        flows = {
+            key: _flow(self._before.get(key, link), link, elapsed) for key, link in links.items()
+        }
         self._then, self._before = now, dict(links.items())
         return flows
 

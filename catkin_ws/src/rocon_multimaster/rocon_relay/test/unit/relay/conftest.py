@@ -33,7 +33,11 @@ def talkers(source_master, tmp_path_factory):
         for name in ("talker1", "talker2"):
             argv = [sys.executable, str(NODES / "talker.py"), "last", "of", name, f"__name:={name}"]
             group.start(name, argv, source_master.environment, logs / name)
-        wait_until(lambda: len(source_master.system_state()[0].get("/latched", [])) == 2, "two talkers", START)
+        wait_until(
+            lambda: len(source_master.system_state()[0].get("/latched", [])) == 2,
+            "two talkers",
+            START,
+        )
         yield group
 
 
@@ -56,7 +60,11 @@ def relays(source_master, sink_master, certificates):
     yield make
     for side in made:
         side.relay.shutdown()
-    assert not [name for name in sink_master.system_state()[0].values() if any(n.startswith("/source/") for n in name)]
+    assert not [
+        name
+        for name in sink_master.system_state()[0].values()
+        if any(n.startswith("/source/") for n in name)
+    ]
 
 
 @pytest.fixture

@@ -36,7 +36,9 @@ class Side:
             self.password = password
             self.keyring.learn(salt)
         config = RelayConfig(name, f"/gateway_{name}", master.uri, "127.0.0.1", **settings)
-        self.relay = TcpRelay(config, self.changes.set, logging.getLogger(f"relay.{name}"), certificates)
+        self.relay = TcpRelay(
+            config, self.changes.set, logging.getLogger(f"relay.{name}"), certificates
+        )
 
     @property
     def address(self):
@@ -60,7 +62,9 @@ class Side:
 class Subscriber:
     """A TCPROS subscriber of one publisher, implemented here so that no ROS code hides a fault."""
 
-    def __init__(self, side, node, topic, name="/tester", type_=ANY, md5sum=ANY, receive_buffer=None):
+    def __init__(
+        self, side, node, topic, name="/tester", type_=ANY, md5sum=ANY, receive_buffer=None
+    ):
         self.uri = side.master.proxy().lookupNode(node)
         self.socket = None
         with node_at(self.uri) as slave:
@@ -73,7 +77,13 @@ class Subscriber:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
         self.socket.settimeout(5)
         self.socket.connect((answer[1], answer[2]))
-        fields = {"callerid": name, "topic": topic, "type": type_, "md5sum": md5sum, "tcp_nodelay": "1"}
+        fields = {
+            "callerid": name,
+            "topic": topic,
+            "type": type_,
+            "md5sum": md5sum,
+            "tcp_nodelay": "1",
+        }
         self.socket.sendall(header_bytes(fields))
         self.header = header_fields(self.bytes())
 
@@ -130,11 +140,23 @@ def export(topic="/chatter", node="/talker1", type_=STRING, options=NO_OPTIONS):
     return Export(topic, type_, node, "sink", options)
 
 
-def imported(source, topic="/chatter", node="/talker1", type_=STRING, md5sum=ANY, allowed=(), options=None):
-    return Import(topic, type_, md5sum, "source", node, source.address, allowed, options or NO_OPTIONS)
+def imported(
+    source, topic="/chatter", node="/talker1", type_=STRING, md5sum=ANY, allowed=(), options=None
+):
+    return Import(
+        topic, type_, md5sum, "source", node, source.address, allowed, options or NO_OPTIONS
+    )
 
 
-def connect(source, sink, topics=("/chatter",), nodes=("/talker1",), state=LinkState.ACTIVE, at_source=None, **more):
+def connect(
+    source,
+    sink,
+    topics=("/chatter",),
+    nodes=("/talker1",),
+    state=LinkState.ACTIVE,
+    at_source=None,
+    **more,
+):
     pairs = list(itertools.product(topics, nodes))
     source.relay.apply({export(*pair, **(at_source or {})) for pair in pairs}, set())
     sink.relay.apply(set(), {imported(source, *pair, **more) for pair in pairs})
@@ -142,7 +164,11 @@ def connect(source, sink, topics=("/chatter",), nodes=("/talker1",), state=LinkS
 
 
 def wait_for(side, state, timeout=5):
-    wait_until(lambda: side.state() and all(s is state for s in side.state()), f"{side.name} {state}", timeout)
+    wait_until(
+        lambda: side.state() and all(s is state for s in side.state()),
+        f"{side.name} {state}",
+        timeout,
+    )
 
 
 def number_of_good(subscriber):
@@ -159,7 +185,12 @@ def subscribers_of_talker(master, topic="/chatter", node="/talker1"):
 
 
 def listener(group, side, topic, log, argv=None):
-    group.start("listener", argv or [sys.executable, str(NODES / "listener.py"), topic], side.master.environment, log)
+    group.start(
+        "listener",
+        argv or [sys.executable, str(NODES / "listener.py"), topic],
+        side.master.environment,
+        log,
+    )
 
 
 def lines(path):

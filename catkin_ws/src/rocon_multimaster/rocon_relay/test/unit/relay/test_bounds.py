@@ -19,7 +19,9 @@ def test_a_peer_may_have_so_many_links_and_gets_the_reason(relays, talkers):
     source.relay.apply({export(topic) for topic in topics}, set())
     sink.relay.apply(set(), {imported(source, topic) for topic in topics})
     wait_until(lambda: sorted(sink.state()) == ["active", "active", "refused"], "two of three", 5)
-    (refused,) = [link for link in sink.relay.status().imports.values() if link.state is LinkState.REFUSED]
+    (refused,) = [
+        link for link in sink.relay.status().imports.values() if link.state is LinkState.REFUSED
+    ]
     assert "sink has 2 links open here, and may have no more" in refused.reason
     sink.relay.apply(set(), {imported(source, topic) for topic in topics[1:]})
     wait_for(sink, LinkState.ACTIVE)
@@ -41,15 +43,23 @@ def test_a_flood_of_connections_keeps_no_subscriber_out(sides):
 
 
 @pytest.mark.parametrize("topic", ["/chatter", "/mixed"])
-def test_both_ends_know_how_long_the_way_takes_and_messages_are_not_disturbed(relays, talkers, topic):
+def test_both_ends_know_how_long_the_way_takes_and_messages_are_not_disturbed(
+    relays, talkers, topic
+):
     source, sink = relays("source"), relays("sink", ping_period=0.01)
     connect(source, sink, (topic,))
     with Subscriber(sink, "/source/talker1", topic) as subscriber:
         numbers = [number_of_good(subscriber) for _ in range(30)]
         step = numbers[1] - numbers[0]
         assert numbers == list(range(numbers[0], numbers[0] + 30 * step, step))
-        wait_until(lambda: "sink" in source.relay.status().latencies, "what the sink has measured", 5)
+        wait_until(
+            lambda: "sink" in source.relay.status().latencies, "what the sink has measured", 5
+        )
         latency = sink.relay.status().latencies["source"]
     assert 0 < latency.shortest <= latency.mean <= latency.longest < 5
     sink.relay.apply(set(), set())
-    wait_until(lambda: not sink.relay.status().latencies and not source.link().subscribers, "all forgotten", 5)
+    wait_until(
+        lambda: not sink.relay.status().latencies and not source.link().subscribers,
+        "all forgotten",
+        5,
+    )

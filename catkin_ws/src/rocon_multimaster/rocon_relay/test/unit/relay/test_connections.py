@@ -28,7 +28,9 @@ def waits_for_nagle(side):
 
     def look():
         streams = [one for one in side.relay._reactor._handlers.values() if isinstance(one, Stream)]
-        waits = [not one._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) for one in streams]
+        waits = [
+            not one._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) for one in streams
+        ]
         found.append([(type(one).__name__, wait) for one, wait in zip(streams, waits, strict=True)])
 
     side.relay._reactor.call(look)
@@ -40,11 +42,19 @@ def test_two_gateways_have_one_link_a_topic_however_many_subscribe(sides):
     connect(source, sink, ("/chatter", "/big"))
     with contextlib.ExitStack() as stack:
         topics = ("/chatter", "/chatter", "/chatter", "/big")
-        subscribers = [stack.enter_context(Subscriber(sink, "/source/talker1", topic)) for topic in topics]
+        subscribers = [
+            stack.enter_context(Subscriber(sink, "/source/talker1", topic)) for topic in topics
+        ]
         assert all(number_of_good(one) >= 0 for one in subscribers)
         assert connections_to(source.relay.port) == 2
-        sink.relay.apply(set(), {one for one in sink.relay.status().imports if one.topic == "/chatter"})
-        wait_until(lambda: connections_to(source.relay.port) == 1, "the link of the other topic is closed", 5)
+        sink.relay.apply(
+            set(), {one for one in sink.relay.status().imports if one.topic == "/chatter"}
+        )
+        wait_until(
+            lambda: connections_to(source.relay.port) == 1,
+            "the link of the other topic is closed",
+            5,
+        )
         assert all(number_of_good(one) >= 0 for one in subscribers[:3])
 
 
@@ -54,5 +64,7 @@ def test_nothing_that_messages_cross_on_waits_for_nagle(sides):
     with Subscriber(sink, "/source/talker1", "/chatter") as subscriber:
         assert number_of_good(subscriber) >= 0
         found = waits_for_nagle(source) + waits_for_nagle(sink)
-        assert {"ExportEnd", "_Publisher", "TopicLink", "NodeConnection"} <= {kind for kind, _ in found}
+        assert {"ExportEnd", "_Publisher", "TopicLink", "NodeConnection"} <= {
+            kind for kind, _ in found
+        }
         assert not any(waits for _, waits in found)

@@ -66,9 +66,13 @@ def connection():
 def test_a_link_that_ends_while_connecting_leaves_no_subscription_behind(exporter):
     with connection() as (sink, accepted):
         end = ExportEnd(exporter.context, exporter, accepted, "sink")
-        end.hello = Hello("/chatter", "*", "*", "/talker", "source", "sink", ("sink",), "00", Subject.TOPIC)
+        end.hello = Hello(
+            "/chatter", "*", "*", "/talker", "source", "sink", ("sink",), "00", Subject.TOPIC
+        )
         end.accept(exporter.export)
-        end.parse(memoryview(b"\xff\xff\xff\xff" + header_bytes({"op": "subscribe", "demand": "1"})))
+        end.parse(
+            memoryview(b"\xff\xff\xff\xff" + header_bytes({"op": "subscribe", "demand": "1"}))
+        )
         sink.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
     exporter.current.found({"type": "std_msgs/String", "md5sum": "0", "latching": "0"})
     assert end.is_closed

@@ -29,7 +29,11 @@ class Scarce:
 
     def refuse(self, module, times):
         self._left[
-            next(name for name in sys.modules if re.fullmatch(rf"(tcpros|rocon_relay\.adapters)\.{module}", name))
+            next(
+                name
+                for name in sys.modules
+                if re.fullmatch(rf"(tcpros|rocon_relay\.adapters)\.{module}", name)
+            )
         ] = times
 
     @property
@@ -69,7 +73,9 @@ def test_an_import_that_got_no_socket_is_dialled_again(relays, talkers, scarce):
     source, sink = relays("source"), relays("sink", retry_shortest=0.5)
     scarce.refuse("dialled_link", 2)
     connect(source, sink, state=LinkState.UNREACHABLE)
-    assert sink.link().reason == "no socket available on this gateway's computer: Too many open files"
+    assert (
+        sink.link().reason == "no socket available on this gateway's computer: Too many open files"
+    )
     wait_for(sink, LinkState.ACTIVE)
 
 
@@ -100,12 +106,17 @@ def test_a_proxy_that_got_no_port_is_shown_later(relays, talkers, scarce):
 
 
 @pytest.mark.parametrize("module", ["xmlrpc_client", "dialled_link"])
-def test_a_parameter_is_copied_once_there_is_a_socket(relays, source_master, sink_master, scarce, module):
+def test_a_parameter_is_copied_once_there_is_a_socket(
+    relays, source_master, sink_master, scarce, module
+):
     source, sink = relays("source"), relays("sink")
     source_master.set_param("/scarce", 7)
     scarce.refuse(module, 6)
     source.relay.apply({Export("/scarce", ANY, "", "sink", subject=Subject.PARAMETER)}, set())
-    sink.relay.apply(set(), {Import("/scarce", ANY, ANY, "source", "", source.address, subject=Subject.PARAMETER)})
+    sink.relay.apply(
+        set(),
+        {Import("/scarce", ANY, ANY, "source", "", source.address, subject=Subject.PARAMETER)},
+    )
     wait_until(lambda: sink.state() == [LinkState.ACTIVE], "the parameter", 10)
     assert sink_master.proxy().getParam("/scarce") == 7
 

@@ -28,7 +28,9 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
 
 
 @pytest.mark.parametrize("topic", ["/chatter", "/big"])
-def test_messages_reach_a_rospy_subscriber_unchanged_and_stop_after_the_cancel(sides, topic, tmp_path):
+def test_messages_reach_a_rospy_subscriber_unchanged_and_stop_after_the_cancel(
+    sides, topic, tmp_path
+):
     source, sink = sides
     connect(source, sink, (topic,))
     with ProcessGroup() as group:
@@ -60,17 +62,25 @@ def test_the_proxy_answers_as_a_node(sides):
     connect(source, sink)
     environment = sink.master.environment
     ping = subprocess.run(
-        ["/usr/bin/rosnode", "ping", "-c", "1", "/source/talker1"], env=environment, capture_output=True, text=True
+        ["/usr/bin/rosnode", "ping", "-c", "1", "/source/talker1"],
+        env=environment,
+        capture_output=True,
+        text=True,
     )
     assert "xmlrpc reply" in ping.stdout, ping.stdout + ping.stderr
-    with Subscriber(sink, "/source/talker1", "/chatter") as subscriber, node_at(subscriber.uri) as slave:
+    with (
+        Subscriber(sink, "/source/talker1", "/chatter") as subscriber,
+        node_at(subscriber.uri) as slave,
+    ):
         assert is_proxy_uri(subscriber.uri)
         assert slave.getPublications("/t")[2] == [["/chatter", STRING]]
         assert slave.getSubscriptions("/t")[:1] == [1]
         assert slave.getMasterUri("/t")[2] == sink.master.uri
         assert slave.getPid("/t")[0] == 1
         assert slave.getBusStats("/t")[0] == 1
-        assert [row[1:5] for row in slave.getBusInfo("/t")[2]] == [["/tester", "o", "TCPROS", "/chatter"]]
+        assert [row[1:5] for row in slave.getBusInfo("/t")[2]] == [
+            ["/tester", "o", "TCPROS", "/chatter"]
+        ]
         assert slave.paramUpdate("/t", "/key", 1)[0] == 1
         assert slave.publisherUpdate("/t", "/chatter", [])[0] == 1
         assert slave.shutdown("/t", "no reason")[0] == 0
@@ -105,7 +115,10 @@ def test_a_topic_is_subscribed_at_its_source_only_while_somebody_listens(sides):
     wait_until(lambda: not subscribers_of_talker(source.master), "those of other tests are gone", 5)
     connect(source, sink)
     assert subscribers_of_talker(source.master) == []
-    with Subscriber(sink, "/source/talker1", "/chatter") as one, Subscriber(sink, "/source/talker1", "/chatter") as two:
+    with (
+        Subscriber(sink, "/source/talker1", "/chatter") as one,
+        Subscriber(sink, "/source/talker1", "/chatter") as two,
+    ):
         assert one.text_of_message()
         assert two.text_of_message()
         assert subscribers_of_talker(source.master) == ["/gateway_source"]
@@ -125,7 +138,9 @@ def test_a_large_topic_can_be_left_and_joined_again_within_a_message(sides):
     assert sink.link().state is LinkState.ACTIVE
 
 
-def test_large_and_small_messages_pass_unchanged_whoever_joins_and_leaves_between(sides, monkeypatch):
+def test_large_and_small_messages_pass_unchanged_whoever_joins_and_leaves_between(
+    sides, monkeypatch
+):
     source, sink = sides
     unseen = []
     move = Pipe.move

@@ -110,7 +110,9 @@ def test_a_remote_pattern_not_matched_in_linear_time_is_refused(sides):
     source, sink = sides
     options = LinkOptions(tf_frames=(r"(a+)\1b",))
     wanted = {"type_": TF, "options": options}
-    connect(source, sink, ("/tf_static",), at_source={"type_": TF}, state=LinkState.REFUSED, **wanted)
+    connect(
+        source, sink, ("/tf_static",), at_source={"type_": TF}, state=LinkState.REFUSED, **wanted
+    )
     assert "no back-references" in sink.link().reason
     assert not sink.publishers("/tf_static")
 

@@ -19,9 +19,13 @@ def certificates(identities):
 
 server, sink = test_services.server, test_services.sink
 
-test_latched_messages_arrive = test_messages.test_newcomers_get_the_last_latched_message_of_each_source
+test_latched_messages_arrive = (
+    test_messages.test_newcomers_get_the_last_latched_message_of_each_source
+)
 test_a_large_topic = test_messages.test_a_large_topic_can_be_left_and_joined_again_within_a_message
-test_a_stalled_subscriber = test_messages.test_a_stalled_subscriber_loses_the_oldest_and_slows_nobody
+test_a_stalled_subscriber = (
+    test_messages.test_a_stalled_subscriber_loses_the_oldest_and_slows_nobody
+)
 test_compressed_messages_arrive = test_options.test_compressed_messages_arrive_as_they_were_sent
 test_a_parameter = test_parameters.test_a_parameter_is_copied_once_and_whole
 test_a_slow_subscriber = test_pressure.test_a_slow_subscriber_slows_its_publisher_and_loses_nothing

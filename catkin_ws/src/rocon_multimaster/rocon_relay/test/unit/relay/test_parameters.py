@@ -10,7 +10,13 @@ from rocon_relay.core.connection import ANY, Export, Import, LinkState, Subject
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
-VALUE = {"text": "ä<&>" * 20000, "number": -3, "half": 0.5, "flags": [True, False], "tree": {"leaf": ""}}
+VALUE = {
+    "text": "ä<&>" * 20000,
+    "number": -3,
+    "half": 0.5,
+    "flags": [True, False],
+    "tree": {"leaf": ""},
+}
 
 
 def imported(source, name):
@@ -36,7 +42,9 @@ def test_a_parameter_is_copied_once_and_whole(relays, source_master, sink_master
     assert sink_master.proxy().getParam("/robot")["half"] == 9.0
     assert source.link().messages == 1
     sink.relay.refresh()
-    wait_until(lambda: sink_master.proxy().getParam("/robot")["number"] == 4, "copied for a new master", 5)
+    wait_until(
+        lambda: sink_master.proxy().getParam("/robot")["number"] == 4, "copied for a new master", 5
+    )
 
 
 def test_a_parameter_that_is_not_there_is_waited_for(relays, source_master, sink_master):

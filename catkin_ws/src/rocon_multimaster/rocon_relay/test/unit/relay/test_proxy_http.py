@@ -61,7 +61,9 @@ def port_of_proxy(sink):
 def waiting(sink):
     """Returns the largest amount of unsent data on any connection of the sink's proxies [bytes]."""
     nodes = tuple(sink.relay._nodes._nodes.values())
-    return max((one.backlog.size for node in nodes for one in tuple(node._port._connections)), default=0)
+    return max(
+        (one.backlog.size for node in nodes for one in tuple(node._port._connections)), default=0
+    )
 
 
 def test_who_asks_and_takes_no_answer_is_not_read_until_it_does(relays, talkers):
@@ -87,7 +89,11 @@ def test_a_connection_on_which_nothing_more_is_asked_is_closed_silently(relays, 
     with Asker(port_of_proxy(sink)) as busy, Asker(port_of_proxy(sink)) as idle:
         began = time.monotonic()
         assert idle.ask() == 1
-        wait_until(lambda: busy.ask() == 1 and time.monotonic() - began > 4.5, "twice what idle is allowed", 10)
+        wait_until(
+            lambda: busy.ask() == 1 and time.monotonic() - began > 4.5,
+            "twice what idle is allowed",
+            10,
+        )
         assert idle.answer() is None
         assert busy.ask() == 1
     assert not caplog.records

@@ -119,7 +119,9 @@ def test_the_server_sees_the_client_by_its_gateway(sink):
 
 def test_a_persistent_connection_carries_many_calls(sink):
     with Client(sink, persistent="1") as client:
-        assert [client.call(str(number)) for number in range(50)] == [str(number) for number in range(50)]
+        assert [client.call(str(number)) for number in range(50)] == [
+            str(number) for number in range(50)
+        ]
         assert sink.link().subscribers == 1
     wait_until(lambda: sink.link().subscribers == 0, "the client is gone", 5)
     assert sink.link().messages == 50

@@ -24,7 +24,9 @@ def middlebox(relays, talkers):
 
 
 @pytest.mark.parametrize("flowing", [True, False], ids=["messages flow", "idle"])
-def test_a_black_holed_link_is_noticed_within_10_s_and_reconnects(middlebox, flowing, record_property):
+def test_a_black_holed_link_is_noticed_within_10_s_and_reconnects(
+    middlebox, flowing, record_property
+):
     source, sink, proxy = middlebox
     wanted = dataclasses.replace(imported(source), address=Address("127.0.0.1", proxy.port))
     source.relay.apply({export()}, set())

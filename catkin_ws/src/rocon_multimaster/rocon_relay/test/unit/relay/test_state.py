@@ -45,9 +45,13 @@ def test_rules_with_flags_and_groups_hold_beside_one_another(sides):
 def test_a_subscriber_of_another_type_gets_the_reason(sides):
     source, sink = sides
     connect(source, sink)
-    with Subscriber(sink, "/source/talker1", "/chatter", type_="std_msgs/Bool", md5sum="0" * 32) as subscriber:
+    with Subscriber(
+        sink, "/source/talker1", "/chatter", type_="std_msgs/Bool", md5sum="0" * 32
+    ) as subscriber:
         assert "std_msgs/Bool" in subscriber.header["error"]
-    with Subscriber(sink, "/source/talker1", "/chatter", type_=STRING, md5sum="0" * 32) as subscriber:
+    with Subscriber(
+        sink, "/source/talker1", "/chatter", type_=STRING, md5sum="0" * 32
+    ) as subscriber:
         assert "MD5" in subscriber.header["error"]
     assert sink.link().state is LinkState.ACTIVE
 
@@ -75,7 +79,9 @@ def test_a_missing_publisher_is_a_state(sides):
     with node_at(uri) as slave:
         _, _, (_, host, port) = slave.requestTopic("/t", "/chatter", [["TCPROS"]])
     with socket.create_connection((host, port)) as waiting:
-        waiting.sendall(header_bytes({"callerid": "/t", "topic": "/chatter", "type": ANY, "md5sum": ANY}))
+        waiting.sendall(
+            header_bytes({"callerid": "/t", "topic": "/chatter", "type": ANY, "md5sum": ANY})
+        )
         wait_for(sink, LinkState.NO_PUBLISHER)
         assert "/nobody" in sink.link().reason
 
@@ -165,7 +171,9 @@ def test_a_cancelled_import_can_come_back_at_once(sides):
 def test_a_shutdown_unregisters_also_what_comes_after_an_import_that_was_never_shown(sides):
     source, sink = sides
     source.relay.apply({export()}, set())
-    sink.relay.apply(set(), {imported(source, topic="/never", node="/nobody")})  # requested first, never exported
+    sink.relay.apply(
+        set(), {imported(source, topic="/never", node="/nobody")}
+    )  # requested first, never exported
     sink.relay.apply(set(), {imported(source, topic="/never", node="/nobody"), imported(source)})
     wait_until(lambda: sink.publishers("/chatter"), "a registration", 5)
     sink.relay.shutdown()

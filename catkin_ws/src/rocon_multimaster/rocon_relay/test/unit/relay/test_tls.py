@@ -17,7 +17,10 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
 @pytest.fixture
 def guarded(relays, talkers, identities):
     """A source and a sink with certificates of one fleet, and a subscriber that must keep receiving throughout."""
-    source, sink = relays("source", certificates=identities("one")), relays("sink", certificates=identities("two"))
+    source, sink = (
+        relays("source", certificates=identities("one")),
+        relays("sink", certificates=identities("two")),
+    )
     connect(source, sink)
     with Subscriber(sink, "/source/talker1", "/chatter") as subscriber:
         first = number_of_good(subscriber)
@@ -33,9 +36,21 @@ def warnings(caplog):
 @pytest.mark.parametrize(
     ("theirs", "logged", "reason"),
     [
-        ({"fleet": "theirs"}, "refuses our certificate: unknown ca", "certificate is not good: self-signed"),
-        ({"name": "old", "days": -1}, "certificate has expired", "certificate: certificate expired"),
-        (None, "it speaks no TLS", "it speaks TLS only, and we have no certificate: set ROCON_TLS_DIRECTORY"),
+        (
+            {"fleet": "theirs"},
+            "refuses our certificate: unknown ca",
+            "certificate is not good: self-signed",
+        ),
+        (
+            {"name": "old", "days": -1},
+            "certificate has expired",
+            "certificate: certificate expired",
+        ),
+        (
+            None,
+            "it speaks no TLS",
+            "it speaks TLS only, and we have no certificate: set ROCON_TLS_DIRECTORY",
+        ),
     ],
     ids=["of another fleet", "expired", "none"],
 )
@@ -66,7 +81,10 @@ def test_a_gateway_with_certificates_does_not_do_without(relays, talkers, identi
 
 def test_a_credential_holds_inside(relays, talkers, identities):
     settings = {"certificates": identities(), "retry_shortest": 60.0}
-    source, sink = relays("source", password="right", **settings), relays("sink", password="wrong", **settings)
+    source, sink = (
+        relays("source", password="right", **settings),
+        relays("sink", password="wrong", **settings),
+    )
     connect(source, sink, state=LinkState.REFUSED)
     assert "password differs" in sink.link().reason
 
@@ -80,7 +98,13 @@ def test_a_credential_holds_inside(relays, talkers, identities):
         b"GET / HTTP/1.0\r\n\r\n",
         header_bytes({"relay": "2", "topic": "/chatter"}),
     ],
-    ids=["a handshake of nonsense", "a record too long", "nonsense", "http", "half a hello in plain"],
+    ids=[
+        "a handshake of nonsense",
+        "a record too long",
+        "nonsense",
+        "http",
+        "half a hello in plain",
+    ],
 )
 def test_an_unauthenticated_client_is_one_line(guarded, caplog, said):
     source, _ = guarded

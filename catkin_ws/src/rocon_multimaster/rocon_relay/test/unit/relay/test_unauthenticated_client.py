@@ -38,7 +38,9 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
         (None, "secret", LinkState.REFUSED),
     ],
 )
-def test_gateways_with_different_credentials_do_not_link(relays, talkers, ours, theirs, state, caplog):
+def test_gateways_with_different_credentials_do_not_link(
+    relays, talkers, ours, theirs, state, caplog
+):
     source, sink = relays("source", password=ours), relays("sink", password=theirs)
     source.relay.apply({export()}, set())
     sink.relay.apply(set(), {imported(source)})
@@ -47,7 +49,10 @@ def test_gateways_with_different_credentials_do_not_link(relays, talkers, ours, 
 
 
 def test_a_gateway_of_another_hub_is_refused_until_both_know_the_hub(relays, talkers):
-    source, sink = relays("source", password="secret", salt="one"), relays("sink", password="secret", salt="two")
+    source, sink = (
+        relays("source", password="secret", salt="one"),
+        relays("sink", password="secret", salt="two"),
+    )
     source.relay.apply({export()}, set())
     sink.relay.apply(set(), {imported(source)})
     wait_for(sink, LinkState.REFUSED)
@@ -61,10 +66,17 @@ def test_a_password_that_changes_leaves_links_up_and_holds_for_new_ones(relays, 
     connect(source, sink)
     source.password = "other"
     source.keyring.refresh()
-    both = {export(), export(topic="/latched")}, {imported(source), imported(source, topic="/latched")}
+    both = (
+        {export(), export(topic="/latched")},
+        {imported(source), imported(source, topic="/latched")},
+    )
     source.relay.apply(both[0], set())
     sink.relay.apply(set(), both[1])
-    wait_until(lambda: sorted(sink.state()) == [LinkState.ACTIVE, LinkState.REFUSED], "the new link is refused", 5)
+    wait_until(
+        lambda: sorted(sink.state()) == [LinkState.ACTIVE, LinkState.REFUSED],
+        "the new link is refused",
+        5,
+    )
     sink.password = "other"
     sink.keyring.refresh()
     wait_for(sink, LinkState.ACTIVE)
@@ -75,7 +87,17 @@ class Outsider:
 
     def __init__(self, source, beside=None, **changes):
         self.socket = socket.create_connection(source.address, 5)
-        hello = Hello("/chatter", ANY, ANY, "/talker1", "source", "sink", ("sink",), "00", keys=source_keys(source))
+        hello = Hello(
+            "/chatter",
+            ANY,
+            ANY,
+            "/talker1",
+            "source",
+            "sink",
+            ("sink",),
+            "00",
+            keys=source_keys(source),
+        )
         self.hello = dataclasses.replace(hello, **changes)
         self.sent = {**self.hello.fields(), **(beside or {})}
         self.socket.sendall(header_bytes(self.sent))
@@ -98,7 +120,11 @@ def test_the_connecting_side_proves_itself_first_and_learns_no_secret(relays, ta
     outsider = Outsider(source)
     assert set(outsider.answer()) == {"relay", "challenge", "key"}
     outsider.socket.sendall(header_bytes({"relay": "2", "proof": "00" * 32}))
-    assert outsider.answer() == {"relay": "2", "error": "its password differs from ours", "state": "refused"}
+    assert outsider.answer() == {
+        "relay": "2",
+        "error": "its password differs from ours",
+        "state": "refused",
+    }
     wait_for(source, LinkState.PENDING)
 
 
@@ -119,17 +145,28 @@ def test_a_source_that_does_not_prove_itself_is_refused(relays, talkers):
     sink = relays("sink", password="secret", retry_shortest=60.0)
     with socket.create_server(("127.0.0.1", 0)) as rogue:
         sink.relay.apply(
-            set(), {dataclasses.replace(imported(relays("source")), address=Address(*rogue.getsockname()))}
+            set(),
+            {
+                dataclasses.replace(
+                    imported(relays("source")), address=Address(*rogue.getsockname())
+                )
+            },
         )
         connection, _ = rogue.accept()
         with connection:
-            connection.sendall(header_bytes({"relay": "2", "challenge": "00", "key": sink.keyring.names()[0]}))
-            connection.sendall(header_bytes({"relay": "2", "source_gateway": "source", "proof": "00" * 32}))
+            connection.sendall(
+                header_bytes({"relay": "2", "challenge": "00", "key": sink.keyring.names()[0]})
+            )
+            connection.sendall(
+                header_bytes({"relay": "2", "source_gateway": "source", "proof": "00" * 32})
+            )
             wait_for(sink, LinkState.REFUSED)
     assert "does not prove that it knows our password" in sink.link().reason
 
 
-@pytest.mark.parametrize("changes", [{}, {"subject": Subject.SERVICE, "topic": "/echo", "source_node": "/server"}])
+@pytest.mark.parametrize(
+    "changes", [{}, {"subject": Subject.SERVICE, "topic": "/echo", "source_node": "/server"}]
+)
 def test_a_link_that_stands_is_not_evicted_by_who_proves_nothing(relays, talkers, changes):
     """Without a password, any client that guessed two gateways' names once took over the link; messages were lost."""
     source, sink = relays("source", patience=0.3), relays("sink")
@@ -143,7 +180,9 @@ def test_a_link_that_stands_is_not_evicted_by_who_proves_nothing(relays, talkers
     assert sink.state() == [LinkState.ACTIVE, LinkState.ACTIVE]
 
 
-@pytest.mark.parametrize("changes", [{}, {"source_gateway": "robot"}, {"source_node": "/talker2"}, {"topic": "/other"}])
+@pytest.mark.parametrize(
+    "changes", [{}, {"source_gateway": "robot"}, {"source_node": "/talker2"}, {"topic": "/other"}]
+)
 def test_a_refusal_tells_who_guesses_nothing_about_names(relays, talkers, changes):
     source = relays("source", patience=0.3)
     asked, outsider = time.monotonic(), Outsider(source, sink_gateway="guess", **changes)
@@ -167,10 +206,17 @@ def test_garbage_ends_its_own_connection_only(sides, caplog):
     with Subscriber(sink, "/source/talker1", "/chatter") as subscriber:
         assert subscriber.text_of_message()
         proxy = int(subscriber.uri.split(":")[2].split("/")[0])
-        heads = [b"\xff\xff\xff\xff", b"POST / HTTP/1.1\r\nContent-Length: 5\r\n\r\n<boo>", b"GET / HTTP/1.0\r\n\r\n"]
+        heads = [
+            b"\xff\xff\xff\xff",
+            b"POST / HTTP/1.1\r\nContent-Length: 5\r\n\r\n<boo>",
+            b"GET / HTTP/1.0\r\n\r\n",
+        ]
         heads += [header_bytes({"topic": "/chatter"}) * 2, *drawn(nonsense.heads, 60)]
         for port, head in itertools.product((source.relay.port, proxy), heads):
-            with socket.create_connection(("127.0.0.1", port), 5) as outsider, contextlib.suppress(ConnectionError):
+            with (
+                socket.create_connection(("127.0.0.1", port), 5) as outsider,
+                contextlib.suppress(ConnectionError),
+            ):
                 outsider.sendall(head)
                 outsider.shutdown(socket.SHUT_WR)
                 outsider.settimeout(5)
