@@ -105,3 +105,11 @@ def test_a_correction_is_not_for_odometry_that_was_restarted_at_zero(
 
 def test_odometry_that_was_at_zero_has_continued() -> None:
     assert Correction(Pose(1.0, 2.0, 0.3), Pose()).applies_to(Pose())
+
+
+@pytest.mark.parametrize(
+    "back", [Pose(0.05, 0.0, 0.0), Pose(0.3, -0.2, 0.4), Pose(-0.2, 0.1, -0.5)]
+)
+def test_a_robot_that_drove_on_to_near_its_start_has_not_restarted_its_odometry(back: Pose) -> None:
+    """Its amcl once started at the initial pose, metres and degrees off, and took its goal for occupied."""
+    assert Correction(Pose(1.0, 2.0, 0.3), Pose(0.9, 0.4, 0.2)).applies_to(back)

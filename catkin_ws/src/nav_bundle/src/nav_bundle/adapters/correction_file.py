@@ -9,6 +9,11 @@ from typing import Any, NamedTuple
 from nav_bundle.core.error import NavigationError
 from nav_bundle.core.pose import Pose, angle_difference
 
+_AT_ZERO = 0.02
+"""Odometry this near to zero was restarted, unless it was there before [m]; a robot hardly comes back so exactly."""
+_FARTHEST = 1.5
+"""How far a robot may be from where the file was written last [m]: that is after each 0.25 m, and before a stop."""
+
 
 class CorrectionFileError(NavigationError):
     """The file cannot be read, written or removed, or its content is invalid."""
@@ -23,9 +28,13 @@ class Correction(NamedTuple):
     def applies_to(self, odom: Pose) -> bool:
         """Returns whether odometry that reads ``odom`` now has continued since.
 
-        Odometry that was restarted counts from zero: if it is nearer to zero than to where it was, it was restarted.
+        Odometry that was restarted counts from zero. It reads zero, or is nearer to zero than to where it was and
+        farther from there than the robot can have moved: a robot that drove on to near its start has not restarted.
         """
-        return _apart(odom, self.odom) <= _apart(odom, Pose())
+        moved = _apart(odom, self.odom)
+        if _apart(odom, Pose()) < _AT_ZERO < moved:
+            return False
+        return moved <= _FARTHEST or moved <= _apart(odom, Pose())
 
 
 def _apart(first: Pose, second: Pose) -> float:
