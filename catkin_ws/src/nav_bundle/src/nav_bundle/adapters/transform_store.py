@@ -12,8 +12,8 @@ from collections.abc import Callable
 from nav_bundle.adapters.tf_message import Refuse, StampedTransform, TransformPicker, transforms_of
 from nav_bundle.core.transform import (
     DisconnectedError,
+    FrameNameError,
     Transform,
-    TransformError,
     TransformTree,
     frame_fault,
 )
@@ -147,7 +147,7 @@ class TransformStore:
         for frame in pair:
             fault = frame_fault(frame)
             if fault:
-                raise TransformError(f"no transform from {source!r} to {target!r}: {fault}")
+                raise FrameNameError(f"no transform from {source!r} to {target!r}: {fault}")
         known = pair in self._pairs
         self._pairs.pop(pair, None)
         self._pairs[pair] = None

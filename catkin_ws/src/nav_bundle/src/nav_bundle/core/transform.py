@@ -20,6 +20,10 @@ class TransformError(NavigationError):
     """No transform between two frames at a given time; the message names the frames, the time and the reason."""
 
 
+class FrameNameError(TransformError):
+    """A frame name that no transform can have."""
+
+
 class DisconnectedError(TransformError):
     """The frames are not connected by transforms, or not yet."""
 

@@ -214,16 +214,14 @@ class GoalServer:
         frame = stripped(pose.header.frame_id) or self._frame
         if frame == self._frame:
             return pose_from_message(pose.pose)
-        fault: TransformError | None = None
-        for candidate in _candidates(pose.header.frame_id):
-            try:
-                transform = self._listener.wait(self._frame, candidate, None, patience)
-                return transform.planar().compose(pose_from_message(pose.pose))
-            except TransformError as error:
-                fault = fault or error
-        raise TransformError(
-            f"Failed to transform the goal pose from {frame} into the {self._frame} frame: {fault}"
-        )
+        candidates = _candidates(pose.header.frame_id)
+        try:
+            transform = self._listener.wait_for_any(self._frame, candidates, None, patience)
+        except TransformError as fault:
+            raise TransformError(
+                f"Failed to transform the goal pose from {frame} into the {self._frame} frame: {fault}"
+            ) from fault
+        return transform.planar().compose(pose_from_message(pose.pose))
 
     def cancelled(self) -> bool:
         """Returns whether the active goal was cancelled and no new goal has arrived."""

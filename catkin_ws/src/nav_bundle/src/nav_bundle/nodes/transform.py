@@ -1,6 +1,7 @@
 """A tf listener that keeps only the transforms its node uses, a broadcaster, and the names of a robot's frames."""
 
 import time
+from collections.abc import Sequence
 
 import rospy
 from geometry_msgs.msg import Transform as TransformMessage
@@ -12,7 +13,7 @@ from nav_bundle.adapters.tf_message import RawTFMessage
 from nav_bundle.adapters.transform_store import FUTURE_LIMIT, TransformStore
 from nav_bundle.conversions import quaternion_from_yaw
 from nav_bundle.core.pose import Pose
-from nav_bundle.core.transform import ExtrapolationError, Transform, TransformError
+from nav_bundle.core.transform import ExtrapolationError, FrameNameError, Transform, TransformError
 from pioneer_node.core.frame import prefixed, stripped
 from pioneer_node.nodes import entry
 
@@ -68,20 +69,33 @@ class TransformListener(TransformStore):
             timeout: maximum wait [s, wall time, since the simulation may be paused].
 
         Raises:
-            TransformError: after the timeout, at shutdown, or immediately if ``stamp`` is older than the history.
+            TransformError: after the timeout, at shutdown, or immediately if waiting cannot help: ``stamp`` is older
+                than the history, or a frame's name is invalid.
+        """
+        return self.wait_for_any(target, (source,), stamp, timeout)
+
+    def wait_for_any(
+        self, target: str, sources: Sequence[str], stamp: float | None, timeout: float
+    ) -> Transform:
+        """Returns the transform from the first of ``sources`` that has one, waiting like ``wait`` for all of them.
+
+        Raises:
+            TransformError: as for ``wait``; the reason is that of the first source.
         """
         deadline = time.monotonic() + timeout
         with self.arrived:
             while True:
-                try:
-                    return self.lookup(target, source, stamp)
-                except TransformError as error:
-                    late = isinstance(error, ExtrapolationError) and not error.future
-                    left = deadline - time.monotonic()
-                    if late or left <= 0.0 or rospy.is_shutdown():
-                        self.watch()  # a frame may have a new parent
-                        raise
-                    self.arrived.wait(left)
+                faults = []
+                for source in sources:
+                    try:
+                        return self.lookup(target, source, stamp)
+                    except TransformError as error:
+                        faults.append(error)
+                left = deadline - time.monotonic()
+                if all(map(_is_final, faults)) or left <= 0.0 or rospy.is_shutdown():
+                    self.watch()  # a frame may have a new parent
+                    raise faults[0]
+                self.arrived.wait(left)
 
     def place_of_scan(self, header: Header, odom: str, base: str) -> tuple[Transform, Pose]:
         """Returns base_from_laser and odom_from_base for the scan with this ``header``; waits for each.
@@ -97,6 +111,13 @@ class TransformListener(TransformStore):
         return self._mounts[mount], self.wait(
             odom, base, header.stamp.to_sec(), _SCAN_TIMEOUT
         ).planar()
+
+
+def _is_final(error: TransformError) -> bool:
+    """Returns whether no later message can provide the transform."""
+    if isinstance(error, ExtrapolationError):
+        return not error.future
+    return isinstance(error, FrameNameError)
 
 
 class TransformBroadcaster:
