@@ -64,21 +64,33 @@ def test_a_gateway_that_has_no_descriptor_for_a_hub_joins_it_once_there_is_one(
 
 
 @pytest.mark.parametrize(
-    ("sighting", "distant", "joined"),
+    ("sighting", "config", "joined"),
     [
-        (Sighting("far", 6380, ("192.168.2.66",), THERE), False, []),
-        (Sighting("far", 6380, ("192.168.2.66",), THERE), True, ["192.168.2.66"]),
-        (Sighting("near", 6380, ("192.168.2.7",), HERE), False, ["127.0.0.1"]),
+        (Sighting("far", 6380, ("192.168.2.66",), THERE), {}, []),
+        (Sighting("far", 6380, ("192.168.2.66",), THERE), {"distant": True}, ["192.168.2.66"]),
+        (Sighting("near", 6380, ("192.168.2.7",), HERE), {}, ["127.0.0.1"]),
         # What claims to be on this machine leads to the loopback, where no other machine answers.
-        (Sighting("claim", 6380, ("192.168.2.66",), HERE), False, ["127.0.0.1"]),
-        (Sighting("claim", 6380, ("192.168.2.7",), ""), False, ["127.0.0.1"]),
+        (Sighting("claim", 6380, ("192.168.2.66",), HERE), {}, ["127.0.0.1"]),
+        (Sighting("claim", 6380, ("192.168.2.7",), ""), {}, ["127.0.0.1"]),
+        # Any host can announce a name, and any address beside its own.
+        (Sighting("far", 6380, ("192.168.2.66",), THERE), {"whitelist": ("far",)}, []),
+        (
+            Sighting("far", 6380, ("192.168.2.66", "192.168.2.8"), THERE),
+            {"whitelist": ("http://192.168.2.8:6380",)},
+            ["192.168.2.8"],
+        ),
+        (
+            Sighting("far", 6381, ("192.168.2.66", "192.168.2.8"), THERE),
+            {"whitelist": ("192.168.2.8",)},
+            [],
+        ),
     ],
 )
 def test_without_a_credential_a_hub_that_another_machine_announces_is_not_joined(
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
     sighting: Sighting,
-    distant: bool,
+    config: dict[str, Any],
     joined: list[str],
 ) -> None:
     """Such a hub could once flip its topics into a gateway without a password, and drive its robot."""
@@ -102,8 +114,13 @@ def test_without_a_credential_a_hub_that_another_machine_announces_is_not_joined
     monkeypatch.setattr(hubs, "Discovery", discovery)
     monkeypatch.setattr(hubs, "RETRY", 0.01)
     record = Record("a", "1", "127.0.0.1", 9)
-    config = HubsConfig(discover=True, distant=distant)
-    made = Hubs(config, record, lambda: (), lambda: None, logging.getLogger("test"))
+    made = Hubs(
+        HubsConfig(discover=True, **config),
+        record,
+        lambda: (),
+        lambda: None,
+        logging.getLogger("test"),
+    )
     try:
         for _ in range(3):  # the third look begins once the first has been worked on
             assert looked.acquire(timeout=10)

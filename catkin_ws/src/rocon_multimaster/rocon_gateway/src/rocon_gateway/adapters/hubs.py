@@ -12,8 +12,8 @@ from rocon_gateway.adapters.hub_client import RETRY, HubClient, HubContext
 from rocon_gateway.adapters.hub_session import Description, HubSession
 from rocon_gateway.core.hub_state import Publication
 from rocon_gateway.core.membership import Memberships, Overview
-from rocon_gateway.core.presence import Candidate, HubView, check_lists
-from rocon_hub_protocol.address import address_from_uri
+from rocon_gateway.core.presence import Candidate, HubView, check_lists, names_address
+from rocon_hub_protocol.address import HubAddress, address_from_uri
 from rocon_hub_protocol.code import Code, HubError
 from rocon_hub_protocol.discovery import Discovery
 from rocon_hub_protocol.record import PeerRequest, Record
@@ -305,25 +305,33 @@ class Hubs:
             return []
         found = []
         for sighting in sightings:
-            if self._may_join(sighting, discovery):
-                ways = sighting.ways(discovery.interfaces, discovery.stack)
-                found.append(tuple(Candidate(way, sighting.hubs) for way in ways))
+            ways = self._ways(sighting, discovery)
+            found.append(tuple(Candidate(way, sighting.hubs) for way in ways))
         return [ways for ways in found if ways]
 
-    def _may_join(self, sighting: Sighting, discovery: Discovery) -> bool:
-        """Returns whether an announced hub may be joined: without a credential, only one on this machine.
+    def _ways(self, sighting: Sighting, discovery: Discovery) -> tuple[HubAddress, ...]:
+        """Returns the addresses under which an announced hub may be joined.
 
-        Any host can announce a hub. One on another machine could ask for our topics and flip its own to us; without a
-        credential, nothing would tell it from the fleet's. A false claim to be on this machine leads to the loopback.
+        Any host can announce a hub. One on another machine could ask for our topics and flip its own to us, and
+        without a credential nothing would tell it from the fleet's. Then only addresses that the user has named in the
+        whitelist count: the name of a hub, and the other addresses that it claims, are its own words. A false claim to
+        be on this machine leads to the loopback.
         """
+        ways = sighting.ways(discovery.interfaces, discovery.stack)
         if self._config.distant or sighting.is_local(discovery.interfaces, discovery.stack):
-            return True
-        if not self._distant_reported:
-            self._distant_reported = True
-            self._logger.warning(
-                "hub '%s' at %s is on another machine and is not joined without a password or certificate: set one, "
-                "name the hub with gateway_hub_uri, or on a network of your own use gateway_insecure:=true",
-                sighting.name,
-                ", ".join(map(str, sighting.hubs)),
-            )
-        return False
+            return ways
+        named = tuple(way for way in ways if names_address(self._config.whitelist, way))
+        if not named:
+            self._report_distant(sighting)
+        return named
+
+    def _report_distant(self, sighting: Sighting) -> None:
+        if self._distant_reported:
+            return
+        self._distant_reported = True
+        self._logger.warning(
+            "hub '%s' at %s is on another machine and is not joined without a password or certificate: set one, "
+            "name the hub with gateway_hub_uri, or on a network of your own use gateway_insecure:=true",
+            sighting.name,
+            ", ".join(map(str, sighting.hubs)),
+        )

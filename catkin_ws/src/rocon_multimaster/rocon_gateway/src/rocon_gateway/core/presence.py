@@ -29,6 +29,11 @@ def check_lists(
         raise HubError(Code.HUB_CONNECTION_NOT_IN_NONEMPTY_WHITELIST, text)
 
 
+def names_address(entries: Collection[str], address: HubAddress) -> bool:
+    """Returns whether one of `entries`, in the form of `check_lists`, is this address."""
+    return any(_address_in(entry) == _plain(address) for entry in entries)
+
+
 def _listed(addresses: Collection[HubAddress], name: str, entries: Collection[str]) -> bool:
     return any(entry == name or _address_in(entry) in addresses for entry in entries)
 
