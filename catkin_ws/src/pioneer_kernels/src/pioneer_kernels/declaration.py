@@ -55,7 +55,8 @@ def kernel(function: Callable[Parameters, Result]) -> Callable[Parameters, Resul
     """
     if declare:
         return declare(function)
-    package, _, noun = function.__module__.rpartition(".kernels.")
+    package, *_, module = function.__module__.split(".")
+    noun = module.removesuffix("_kernel")
     compiled = getattr(importlib.import_module(f"{package}._{noun}"), function.__name__)
     hints = get_type_hints(function, include_extras=True)
     del hints["return"]

@@ -12,7 +12,7 @@ from pioneer_gazebo.core.pose import Pose
 from pioneer_gazebo.core.robot import LaserSensor
 from pioneer_gazebo.core.section import Section, section_of
 from pioneer_gazebo.core.world import Box, Cylinder, Mesh, Shape, Sphere
-from pioneer_gazebo.kernels.laser import Fan, Sensor
+from pioneer_gazebo.sensors.laser_kernel import Fan, Sensor
 
 HEIGHT = 0.3
 REACH = 12.0

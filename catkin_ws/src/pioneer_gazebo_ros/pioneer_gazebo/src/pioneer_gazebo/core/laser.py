@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from pioneer_gazebo.core.robot import LaserSensor, SonarSensor
 from pioneer_gazebo.core.section import Section
-from pioneer_gazebo.kernels import laser as kernel
-from pioneer_gazebo.kernels.laser import Fan, Sensor
+from pioneer_gazebo.sensors import laser_kernel as kernel
+from pioneer_gazebo.sensors.laser_kernel import Fan, Sensor
 
 CELLS_AT_MOST = 1 << 20
 """Maximum number of grid cells; larger worlds get larger cells."""

@@ -11,7 +11,7 @@ from pioneer_gazebo.core.laser import Movers, WallIndex
 from pioneer_gazebo.core.pose import Pose, heading
 from pioneer_gazebo.core.section import Section, Triangles, section_of
 from pioneer_gazebo.core.world import PlacedCollision
-from pioneer_gazebo.kernels.laser import Sensor
+from pioneer_gazebo.sensors.laser_kernel import Sensor
 
 LAYER = 0.02
 """Heights are rounded to this [m], so that lasers of similar height share a section."""

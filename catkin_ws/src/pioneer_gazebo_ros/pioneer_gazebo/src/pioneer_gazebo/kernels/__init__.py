@@ -1,1 +1,0 @@
-"""Numba source of the package's compiled extensions; imported at build only."""
