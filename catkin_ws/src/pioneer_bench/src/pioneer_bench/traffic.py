@@ -14,9 +14,9 @@ from nav_bundle.adapters.map_file import read_map
 from pioneer_bench.core.row import Row
 from pioneer_bench.core.traffic import NARROW, narrow_space, random_tours, seconds_alone
 from pioneer_bench.report import finish
-from pioneer_traffic.core.geometry import Point
-from pioneer_traffic.core.roadmap import FreeSpace, Roadmap, roadmap_from_space
-from pioneer_traffic.core.simulation import Trial
+from pioneer_traffic.geometry import Point
+from pioneer_traffic.roadmap import FreeSpace, Roadmap, roadmap_from_space
+from pioneer_traffic.simulation import Trial
 
 SHIPPED = ("closed_maze", "utm_0", "small_world", "willow_office", "blank")
 SWAP = "swap"

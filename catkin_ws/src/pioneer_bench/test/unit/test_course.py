@@ -10,7 +10,7 @@ from pioneer_bench.core import course
 from pioneer_bench.core.ride import with_changes
 from pioneer_bench.core.traffic import narrow_space, random_tours, seconds_alone
 from pioneer_bench.hard import random_changes
-from pioneer_traffic.core.roadmap import roadmap_from_space
+from pioneer_traffic.roadmap import roadmap_from_space
 
 
 def test_changes_reach_into_the_tree_and_leave_the_rest() -> None:

@@ -6,11 +6,11 @@ from typing import Any
 from geometry_msgs.msg import Point
 from std_msgs.msg import Header
 
-from pioneer_traffic.core.report import Plan, PlanId, Report, Wait
 from pioneer_traffic.msg import Path as PathMessage
 from pioneer_traffic.msg import Plan as PlanMessage
 from pioneer_traffic.msg import Report as ReportMessage
 from pioneer_traffic.msg import Wait as WaitMessage
+from pioneer_traffic.report import Plan, PlanId, Report, Wait
 
 
 def message_from_report(report: Report, stamp: Any) -> ReportMessage:

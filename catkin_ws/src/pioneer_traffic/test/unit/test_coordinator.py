@@ -8,10 +8,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from pioneer_traffic.core.coordinator import Coordinator
-from pioneer_traffic.core.report import Plan, PlanId, Report
-from pioneer_traffic.core.roadmap import Roadmap
-from pioneer_traffic.core.simulation import Trial
+from pioneer_traffic.coordinator import Coordinator
+from pioneer_traffic.report import Plan, PlanId, Report
+from pioneer_traffic.roadmap import Roadmap
+from pioneer_traffic.simulation import Trial
 
 
 def lattice(drawing: list[str]) -> Roadmap:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import pytest
 
-from pioneer_traffic.core.config import PilotConfig
-from pioneer_traffic.core.event import (
+from pioneer_traffic.config import PilotConfig
+from pioneer_traffic.event import (
     CancelDrive,
     CancelRequested,
     Drive,
@@ -21,10 +21,10 @@ from pioneer_traffic.core.event import (
     Send,
     StretchEnded,
 )
-from pioneer_traffic.core.geometry import Point
-from pioneer_traffic.core.pilot import Pilot
-from pioneer_traffic.core.roadmap import Roadmap
-from pioneer_traffic.core.simulation import STEP, TICK, Trial
+from pioneer_traffic.geometry import Point
+from pioneer_traffic.pilot import Pilot
+from pioneer_traffic.roadmap import Roadmap
+from pioneer_traffic.simulation import STEP, TICK, Trial
 from simple_navigation_goals.queue import Outcome
 
 ARRIVED = 0.2

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pioneer_traffic.core.pathfinding import Problem, solve
-from pioneer_traffic.core.roadmap import Roadmap
+from pioneer_traffic.pathfinding import Problem, solve
+from pioneer_traffic.roadmap import Roadmap
 
 
 def graph_of(places: int, ways: list[tuple[int, int]]) -> list[list[int]]:

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pioneer_traffic.core.config import PilotConfig
-from pioneer_traffic.core.event import (
+from pioneer_traffic.config import PilotConfig
+from pioneer_traffic.event import (
     Action,
     CancelDrive,
     CancelRequested,
@@ -26,10 +26,10 @@ from pioneer_traffic.core.event import (
     Send,
     StretchEnded,
 )
-from pioneer_traffic.core.geometry import Point
-from pioneer_traffic.core.pilot import Pilot
-from pioneer_traffic.core.report import Report
-from pioneer_traffic.core.roadmap import Roadmap
+from pioneer_traffic.geometry import Point
+from pioneer_traffic.pilot import Pilot
+from pioneer_traffic.report import Report
+from pioneer_traffic.roadmap import Roadmap
 from simple_navigation_goals.queue import Outcome
 
 

@@ -1,8 +1,8 @@
 """Plans: which robot is led where, and over which ground."""
 
-from pioneer_traffic.core.planning import planned
-from pioneer_traffic.core.report import Plan, PlanId, Report
-from pioneer_traffic.core.roadmap import Roadmap
+from pioneer_traffic.planning import planned
+from pioneer_traffic.report import Plan, PlanId, Report
+from pioneer_traffic.roadmap import Roadmap
 
 COLS = 7
 PLACES = [(float(col), float(row)) for row in range(2) for col in range(COLS)]

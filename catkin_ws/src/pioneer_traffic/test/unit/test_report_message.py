@@ -6,7 +6,7 @@ import genpy
 import pytest
 
 from pioneer_traffic.conversions import message_from_report, report_from_message
-from pioneer_traffic.core.report import Plan, PlanId, Report, Wait
+from pioneer_traffic.report import Plan, PlanId, Report, Wait
 
 PLAN = Plan(
     PlanId(4, "a"),

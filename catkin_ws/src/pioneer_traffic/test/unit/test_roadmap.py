@@ -8,9 +8,9 @@ import pytest
 
 from nav_bundle.core.grid import Grid
 from nav_bundle.core.pose import Pose
-from pioneer_traffic.core.coordinator import Coordinator
-from pioneer_traffic.core.geometry import distance_between_segments, distance_to_segment
-from pioneer_traffic.core.roadmap import FreeSpace, Roadmap, RoadmapConfig, roadmap_from_space
+from pioneer_traffic.coordinator import Coordinator
+from pioneer_traffic.geometry import distance_between_segments, distance_to_segment
+from pioneer_traffic.roadmap import FreeSpace, Roadmap, RoadmapConfig, roadmap_from_space
 
 ROOMS = [
     "##################",

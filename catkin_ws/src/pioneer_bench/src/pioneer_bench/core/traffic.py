@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pioneer_traffic.core.geometry import Point
-from pioneer_traffic.core.roadmap import FreeSpace, Roadmap
-from pioneer_traffic.core.simulation import STEP, Body
+from pioneer_traffic.geometry import Point
+from pioneer_traffic.roadmap import FreeSpace, Roadmap
+from pioneer_traffic.simulation import STEP, Body
 
 RESOLUTION = 0.05
 """Cell size of the narrow floors [m]."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from pioneer_traffic.core.geometry import Point
+from pioneer_traffic.geometry import Point
 
 
 class PlanId(NamedTuple):

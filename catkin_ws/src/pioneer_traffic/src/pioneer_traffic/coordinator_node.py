@@ -22,9 +22,9 @@ from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
 from pioneer_node.nodes.rospy_handle import RospyHandle
 from pioneer_node.nodes.standing_warning import StandingWarning
+from pioneer_traffic.config import PilotConfig
 from pioneer_traffic.conversions import message_from_report, report_from_message
-from pioneer_traffic.core.config import PilotConfig
-from pioneer_traffic.core.event import (
+from pioneer_traffic.event import (
     Action,
     CancelDrive,
     CancelRequested,
@@ -41,10 +41,10 @@ from pioneer_traffic.core.event import (
     Send,
     StretchEnded,
 )
-from pioneer_traffic.core.pilot import Pilot
-from pioneer_traffic.core.roadmap import FreeSpace, Roadmap, roadmap_from_space
+from pioneer_traffic.goal_server import GoalServer
 from pioneer_traffic.msg import Report as ReportMessage
-from pioneer_traffic.nodes.goal_server import GoalServer
+from pioneer_traffic.pilot import Pilot
+from pioneer_traffic.roadmap import FreeSpace, Roadmap, roadmap_from_space
 from simple_navigation_goals.move_base import MoveBase
 from simple_navigation_goals.queue import Outcome
 

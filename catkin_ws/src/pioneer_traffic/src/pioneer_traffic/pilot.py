@@ -13,9 +13,9 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from pioneer_traffic.core.config import PilotConfig
-from pioneer_traffic.core.coordinator import Coordinator
-from pioneer_traffic.core.event import (
+from pioneer_traffic.config import PilotConfig
+from pioneer_traffic.coordinator import Coordinator
+from pioneer_traffic.event import (
     Action,
     CancelDrive,
     CancelRequested,
@@ -32,8 +32,8 @@ from pioneer_traffic.core.event import (
     Send,
     StretchEnded,
 )
-from pioneer_traffic.core.geometry import Point
-from pioneer_traffic.core.roadmap import Roadmap
+from pioneer_traffic.geometry import Point
+from pioneer_traffic.roadmap import Roadmap
 from simple_navigation_goals.queue import Outcome
 
 _SAME = 0.05

@@ -15,9 +15,9 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from pioneer_traffic.core.config import CoordinatorConfig
-from pioneer_traffic.core.geometry import Point, distance_to_segment
-from pioneer_traffic.core.neighbours import (
+from pioneer_traffic.config import CoordinatorConfig
+from pioneer_traffic.geometry import Point, distance_to_segment
+from pioneer_traffic.neighbours import (
     Neighbours,
     comes_by,
     ground_wanted,
@@ -26,9 +26,9 @@ from pioneer_traffic.core.neighbours import (
     is_ready,
     partners_of,
 )
-from pioneer_traffic.core.planning import planned
-from pioneer_traffic.core.report import Plan, PlanId, Report, Wait
-from pioneer_traffic.core.roadmap import Roadmap
+from pioneer_traffic.planning import planned
+from pioneer_traffic.report import Plan, PlanId, Report, Wait
+from pioneer_traffic.roadmap import Roadmap
 
 
 class Coordinator:

@@ -4,10 +4,10 @@ import math
 from collections.abc import Collection, Iterable
 from dataclasses import replace
 
-from pioneer_traffic.core.config import CoordinatorConfig
-from pioneer_traffic.core.geometry import Point
-from pioneer_traffic.core.report import Plan, PlanId, Report
-from pioneer_traffic.core.roadmap import Roadmap
+from pioneer_traffic.config import CoordinatorConfig
+from pioneer_traffic.geometry import Point
+from pioneer_traffic.report import Plan, PlanId, Report
+from pioneer_traffic.roadmap import Roadmap
 
 _MOVED = 0.1
 """Distance by which a robot that stands must move to count as an obstacle elsewhere [m]: localisation is not exact."""

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pioneer_traffic.core.config import CoordinatorConfig
-from pioneer_traffic.core.coordinator import Coordinator
-from pioneer_traffic.core.geometry import Point
-from pioneer_traffic.core.roadmap import FreeSpace, Roadmap
+from pioneer_traffic.config import CoordinatorConfig
+from pioneer_traffic.coordinator import Coordinator
+from pioneer_traffic.geometry import Point
+from pioneer_traffic.roadmap import FreeSpace, Roadmap
 
 FOOTPRINT = np.array([[0.20, 0.20], [0.20, -0.20], [-0.30, -0.20], [-0.30, 0.20]])
 """Corners of a Pioneer relative to base_link [m]."""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from nav_bundle.core.grid import FREE, Grid
-from pioneer_traffic.core.geometry import Point, distance_between_segments, distance_to_segment
+from pioneer_traffic.geometry import Point, distance_between_segments, distance_to_segment
 
 _STEP = 0.05
 """Distance between the points at which a way is checked [m]."""

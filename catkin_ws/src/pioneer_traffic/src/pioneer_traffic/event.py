@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from pioneer_traffic.core.geometry import Point
-from pioneer_traffic.core.report import Report
-from pioneer_traffic.core.roadmap import Roadmap
+from pioneer_traffic.geometry import Point
+from pioneer_traffic.report import Report
+from pioneer_traffic.roadmap import Roadmap
 from simple_navigation_goals.queue import Outcome
 
 

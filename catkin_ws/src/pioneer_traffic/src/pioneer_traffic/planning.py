@@ -11,9 +11,9 @@ from collections import deque
 from collections.abc import Collection, Iterator, Sequence
 from itertools import chain, pairwise
 
-from pioneer_traffic.core.pathfinding import Configuration, Graph, Problem, solve
-from pioneer_traffic.core.report import Plan, PlanId, Report, Wait
-from pioneer_traffic.core.roadmap import Roadmap
+from pioneer_traffic.pathfinding import Configuration, Graph, Problem, solve
+from pioneer_traffic.report import Plan, PlanId, Report, Wait
+from pioneer_traffic.roadmap import Roadmap
 
 _TRIES, _MOST, _GOOD = 4, 500, 1.6
 """Searches with different priorities, configurations tried in each, and moves per needed move that are good enough."""

@@ -1,1 +1,0 @@
-"""Roadmap, paths for many robots, and their agreement on the right of way; no ROS."""

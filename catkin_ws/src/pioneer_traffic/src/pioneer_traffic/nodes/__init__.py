@@ -1,1 +1,0 @@
-"""The coordinator node: the only place for rospy."""
