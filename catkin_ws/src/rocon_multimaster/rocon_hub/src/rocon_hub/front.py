@@ -8,9 +8,11 @@ import resource
 import socket
 import ssl
 import threading
+import time
 from collections.abc import Callable
 
-from rocon_hub_protocol.admission import LONGEST_LINE, UNPROVEN, HubSide
+from rocon_hub.guess import LONGEST_DELAY, MEMORY, FailingHosts
+from rocon_hub_protocol.admission import BUSY, LONGEST_LINE, UNPROVEN, HubSide
 from rocon_hub_protocol.cpace import ProofError
 
 HANDSHAKE_TIME = 5.0
@@ -61,7 +63,7 @@ class Front:
         self._clients: set[Client] = set()
         self._unproven: dict[Client, None] = {}
         self._turn = asyncio.Lock()
-        self._told: set[str] = set()
+        self._failing = FailingHosts()
         self._end = asyncio.Event()
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._run, name="hub front", daemon=True)
@@ -172,15 +174,33 @@ class Front:
                 # Proofs start one at a time, so that those in progress finish first.
                 await asyncio.sleep(0)
                 side = HubSide(self._password(), first)
-            is_proven, answer = side.verdict(await client.line(side.answer))
+            proof = await client.line(side.answer)
+            failing = self._failing.get(host)
+            if failing and not await failing.wait():
+                return BUSY, False
+            is_proven, answer = side.verdict(proof)
         except ProofError:
             return UNPROVEN, False
-        if is_proven:
-            self._told.discard(host)
-        elif host not in self._told and len(self._told) < MAX_UNPROVEN:
-            self._told.add(host)
+        if not is_proven and self._failing.fail(host, time.monotonic()):
             self._logger.warning("a client at %s does not know the hub's password", host)
+            self._failing.report(host)
+            self._loop.call_later(MEMORY, self._report, host)
         return answer, is_proven
+
+    def _report(self, host: str) -> None:
+        """Logs how often a host has failed since the last report, and repeats this until it fails no more."""
+        number = self._failing.report(host)
+        if number:
+            self._logger.warning(
+                "clients at %s failed to prove the hub's password another %d times within %g s; "
+                "one proof from there is checked every %g s",
+                host,
+                number,
+                MEMORY,
+                LONGEST_DELAY,
+            )
+        if self._failing.get(host):
+            self._loop.call_later(MEMORY, self._report, host)
 
 
 class End(asyncio.Protocol):

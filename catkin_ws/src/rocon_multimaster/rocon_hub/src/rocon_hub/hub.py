@@ -59,8 +59,9 @@ class HubNode:
         )
         directory = Path(rospkg.get_ros_home()) / "redis" / self._config.directory_name
         self._server = RedisServer(self._config, directory, access)
-        salt = self._server.salt() if access.password else ""
-        self._registry = Registry(self._server.client, self._config.gateway_gone_timeout, salt)
+        self._registry = Registry(
+            self._server.client, self._config.gateway_gone_timeout, self._server.salt
+        )
         self._stop = threading.Event()
         rospy.on_shutdown(self._stop.set)
         self._open = is_open(self._config, guard_from(access))

@@ -15,6 +15,7 @@ import redis
 from rocon_hub.config import ADMIN, SOCKET, Guard, HubConfig, is_open, redis_configuration
 from rocon_hub.error import PortBusyError, RedisError
 from rocon_hub.front import Front
+from rocon_hub.salt import SaltFile
 from rocon_hub_protocol.redis_client import TIMEOUT, Access
 from tcpros.tls import AUTHORITY, CERTIFICATE, KEY
 
@@ -62,6 +63,8 @@ class RedisServer:
         self._process: subprocess.Popen[bytes] | None = None
         self._admin_password = secrets.token_hex(32)
         self._users: list[str] = []
+        self._salts = SaltFile(directory / "salt")
+        self._salt = self._salted = ""
         self.log = directory / "redis-server.log"  #: file with the server's output
         directory.mkdir(parents=True, exist_ok=True)
         directory.chmod(0o700)
@@ -83,12 +86,17 @@ class RedisServer:
         )  #: client of the user with all permissions, over the socket
 
     def salt(self) -> str:
-        """Returns the fleet's salt. It is created once and kept in the directory, so restarts do not change it."""
-        path = self._directory / "salt"
-        if not path.exists() or not path.read_text().strip():
-            path.touch(mode=0o600)
-            path.write_text(secrets.token_hex(32) + "\n")
-        return path.read_text().strip()
+        """Returns the fleet's salt, empty without a password.
+
+        It is kept in the directory, so restarts do not change it. A new password brings a new salt: who knew the old
+        password also knew the old salt.
+        """
+        if self._access.password is None:
+            return ""
+        password = self._access.password()
+        if password != self._salted:
+            self._salt, self._salted = self._salts.get(password), password
+        return self._salt
 
     @property
     def pid(self) -> int | None:

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import redis
 
@@ -34,10 +34,10 @@ class Registry:
     Args:
         client: a client of our own server.
         patience: how long the record of a silent gateway is kept [s].
-        salt: the fleet's salt, for its gateways; empty for none.
+        salt: returns the fleet's salt, for its gateways; empty for none.
     """
 
-    def __init__(self, client: redis.Redis, patience: float, salt: str = "") -> None:
+    def __init__(self, client: redis.Redis, patience: float, salt: Callable[[], str] = str) -> None:
         self._salt = salt
         self._client = client
         self._patience = patience
@@ -55,7 +55,7 @@ class Registry:
 
     def write(self) -> None:
         """Writes, or rewrites, the keys that identify the hub; raises redis.ResponseError if Redis is full."""
-        self._client.mset({PROTOCOL_KEY: PROTOCOL, NAME_KEY: self._name, SALT_KEY: self._salt})
+        self._client.mset({PROTOCOL_KEY: PROTOCOL, NAME_KEY: self._name, SALT_KEY: self._salt()})
 
     def look(self, now: float) -> Iterator[str]:
         """Announces gateways that have just fallen silent, and yields each one after its announcement.

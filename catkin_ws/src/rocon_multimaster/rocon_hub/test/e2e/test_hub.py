@@ -154,6 +154,17 @@ def test_a_changed_password_file_applies_to_new_connections_only(
         assert standing.get("rocon:hub:name") == "Test Hub"
 
 
+def test_a_changed_password_changes_the_salt(bench: Bench, tmp_path: Path) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text("open sesame\n")
+    bench.start(ROCON_HUB_PASSWORD_FILE=str(secret))
+    wait_until(lambda: bench.name("open sesame"), "the hub's name", START)
+    with bench.client("open sesame") as member:
+        salt = member.get("rocon:hub:salt")
+        secret.write_text("open barley\n")
+        assert wait_until(lambda: member.get("rocon:hub:salt") not in (None, salt), "a salt", 10)
+
+
 @pytest.fixture
 def server(bench: Bench, tmp_path: Path) -> Iterator[RedisServer]:
     """A hub's Redis with default settings, without the hub."""

@@ -100,7 +100,7 @@ def test_who_has_a_certificate_of_the_fleet_is_let_in_and_hears_events(
         (
             "none",
             "ours",
-            "it speaks no TLS, but we have a certificate (ROCON_TLS_DIRECTORY): give it one too",
+            "it speaks no TLS, but we have a certificate (ROCON_TLS_DIRECTORY): it is no hub of ours",
         ),
         ("secret", "ours", "wants a password: set ROCON_HUB_PASSWORD_FILE"),
     ],

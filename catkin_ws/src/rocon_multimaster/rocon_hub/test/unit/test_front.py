@@ -7,7 +7,9 @@ import os
 import resource
 import socket
 import ssl
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -16,7 +18,8 @@ from pioneer_harness.port import PortReservation
 from pioneer_harness.wait import wait_until
 from rocon_hub import front
 from rocon_hub.front import HANDSHAKE_TIME, Front
-from rocon_hub_protocol.admission import GatewaySide
+from rocon_hub.guess import LONGEST_DELAY
+from rocon_hub_protocol.admission import BUSY, GatewaySide
 from tcpros.descriptor import raise_limit
 
 CROWD = 600
@@ -167,3 +170,50 @@ def test_a_front_that_is_closed_while_it_starts_leaves_no_socket() -> None:
         port = ports.take(17380)
         for _ in range(20):
             Front(port, "", lambda: "open sesame", None).close()
+
+
+def guess(port: int, password: str, patience: float = PATIENCE) -> bytes:
+    """Tries a password at the hub's port; returns the hub's answer."""
+    side = GatewaySide(password)
+    with socket.create_connection(("127.0.0.1", port), patience) as connection:
+        connection.sendall(side.first)
+        connection.sendall(side.prove(line(connection)))
+        return line(connection)
+
+
+def test_wrong_passwords_slow_their_host_down(caplog: pytest.LogCaptureFixture) -> None:
+    """A host could once try 1,200 passwords a second. In parallel, no more proofs are checked than in a row."""
+    answers: list[bytes] = []
+    with listening() as (port, _), ThreadPoolExecutor(16) as pool:
+        assert guess(port, "0").startswith(b"-WRONGPASS")
+        began = time.monotonic()
+        while time.monotonic() - began < 3.0:
+            answers += pool.map(lambda number: guess(port, str(number)), range(16))
+        spent = time.monotonic() - began
+        checked = sum(answer.startswith(b"-WRONGPASS") for answer in answers)
+        assert 1 <= checked <= 4 + spent / LONGEST_DELAY
+        assert answers.count(BUSY) == len(answers) - checked > 16
+    assert caplog.text.count("does not know the hub's password") == 1
+
+
+def test_a_gateway_with_the_password_is_admitted_although_its_host_fails(tmp_path: Path) -> None:
+    with contextlib.ExitStack() as stack:
+        redis = stack.enter_context(socket.socket(socket.AF_UNIX))
+        redis.bind(str(tmp_path / "redis"))
+        redis.listen()
+        port, _ = stack.enter_context(listening(str(tmp_path / "redis")))
+        for number in range(6):
+            assert guess(port, str(number)).startswith(b"-WRONGPASS")
+        assert guess(port, "open sesame", HANDSHAKE_TIME).startswith(b"+")
+
+
+def test_failures_are_counted_in_the_log_until_they_stop(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(front, "MEMORY", 2.0)
+    with listening() as (port, made):
+        for number in range(3):
+            guess(port, str(number))
+        wait_until(lambda: "another 2 times" in caplog.text, "the report", PATIENCE)
+        wait_until(lambda: not made._failing._hosts, "the host to be forgotten", PATIENCE)
+    assert caplog.text.count("clients at 127.0.0.1 failed") == 1

@@ -21,6 +21,9 @@ UNPROVEN = b"-NOAUTH this hub wants a proof of its password\r\n"
 
 REFUSED = b"-WRONGPASS the password is not this hub's\r\n"
 
+BUSY = b"-BUSY too many proofs from your host have failed\r\n"
+"""The answer to a proof that was not checked."""
+
 _CHANNEL = b"rocon hub 1"
 _FIRST = re.compile(rb"ROCON-PROVE 1 ([0-9a-f]{32})\r\n")
 _PROOF = re.compile(rb"([0-9a-f]{64}) ([0-9a-f]{128})\r\n")

@@ -76,7 +76,7 @@ def prove(sock: socket.socket, password: str) -> None:
         OSError: the hub does not answer in time.
     """
     # Takes 2 MB, so imported only with a password.
-    from rocon_hub_protocol.admission import REFUSED, GatewaySide
+    from rocon_hub_protocol.admission import BUSY, REFUSED, GatewaySide
     from rocon_hub_protocol.cpace import ProofError
 
     side = GatewaySide(password)
@@ -86,7 +86,7 @@ def prove(sock: socket.socket, password: str) -> None:
         raise NotOurHubError("asks for the password in clear, which we never send: update it")
     if line.startswith(b"-"):
         raise NotOurHubError(
-            f"has no password, but we have one: unset {FILE_VARIABLE} here or set it there"
+            f"has no password, but we have one: it is no hub of ours, or it needs ours ({FILE_VARIABLE} there)"
         )
     try:
         sock.sendall(side.prove(line))
@@ -95,6 +95,8 @@ def prove(sock: socket.socket, password: str) -> None:
             raise NotOurHubError(
                 f"wants another password than ours (from {FILE_VARIABLE} or hub_password_file)"
             )
+        if line == BUSY:
+            raise NotOurHubError("checks few proofs from this host, as too many have failed")
         known = side.accepts(line)
     except ProofError as error:
         raise NotOurHubError(f"is no hub of ours: {error}") from None
@@ -171,9 +173,7 @@ def _tls_reason(address: HubAddress, certificates: Certificates, error: Exceptio
     if found is None and not _speaks(speaks_plainly, address):
         return ""
     if found is None or NO_TLS in reason_of(found):
-        return (
-            f"{NO_TLS}, but we have a certificate ({VARIABLE}): give it one too, or take ours away"
-        )
+        return f"{NO_TLS}, but we have a certificate ({VARIABLE}): it is no hub of ours, or it needs one too"
     return f"TLS: {reason_of(found)}"
 
 

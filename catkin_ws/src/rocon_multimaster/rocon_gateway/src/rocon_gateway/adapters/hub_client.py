@@ -63,6 +63,8 @@ class HubContext:
     namespaces: frozenset[str] = frozenset()  #: robot namespaces to announce to all
     #: called before we join with the text that the hub has stored for us; returns the text to store from now on
     restore: Callable[[str], str] = lambda text: text
+    #: called before we join with the hub's salt, and when it changes; the second one is the former salt
+    learn: Callable[[str, str], None] = lambda _salt, _former: None
 
 
 class HubClient:
@@ -92,6 +94,7 @@ class HubClient:
         self._shown = HubView()
         self._session: HubSession | None = None
         self._keep = self._kept = ""
+        self._salt = ""
         self._told_lost = False
         self._fault = ""  #: the last unexpected exception, which is logged once
         self._nameless: set[Candidate] = set()
@@ -181,6 +184,7 @@ class HubClient:
         try:
             session = self._context.open(way)
             self._context.claim(self, session)
+            self._learn(session)
             self._enter(session)
         except (HubError, redis.RedisError, OSError) as error:
             code = error.code if isinstance(error, HubError) else Code.HUB_CONNECTION_UNRESOLVABLE
@@ -225,6 +229,12 @@ class HubClient:
             "on hub '%s' at %s as '%s'", session.hub_name, session.address, session.name
         )
 
+    def _learn(self, session: HubSession) -> None:
+        """Passes the hub's salt on if it is new; the hub changes it with the password."""
+        if session.salt != self._salt:
+            self._context.learn(session.salt, self._salt)
+            self._salt = session.salt
+
     def _exit(self, session: HubSession) -> None:
         self._session = None
         self.lost_since = time.monotonic()
@@ -244,6 +254,7 @@ class HubClient:
             self._state.write(session)
             if time.monotonic() >= beat:
                 self._state.heartbeat(session)
+                self._learn(session)
                 if (keep := self._keep) != self._kept:
                     session.keep(keep)
                     self._kept = keep

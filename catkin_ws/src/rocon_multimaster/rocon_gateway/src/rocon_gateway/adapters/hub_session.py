@@ -82,7 +82,7 @@ class HubSession:
         self.client = redis_client(address, access)
         self._written: dict[str, PeerRequest] = {}
         self._record: Record | None = None
-        self.salt = ""
+        self.salt = ""  #: the hub's salt as of the last heartbeat
         try:
             self.hub_name = self._introduce()
             # Identifies the server process: a hub with several addresses must be joined only once.
@@ -189,8 +189,10 @@ class HubSession:
         with self.client.pipeline(transaction=False) as pipe:
             pipe.get(alive_key(self.name))
             pipe.sismember(GATEWAYS_KEY, self.name)
+            pipe.get(SALT_KEY)
             pipe.pexpire(alive_key(self.name), int(ALIVE * 1000))
-            holder, listed, _ = pipe.execute()
+            holder, listed, salt, _ = pipe.execute()
+        self.salt = salt or self.salt
         return holder, bool(listed)
 
     def present(self) -> set[str]:

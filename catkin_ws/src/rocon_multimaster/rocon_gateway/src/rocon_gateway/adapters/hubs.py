@@ -51,8 +51,8 @@ class HubsConfig:
     access: Access = OPEN  #: credentials for the hubs' Redis
     host: str = ""  #: our address for other gateways; empty: the one on the route to the hub
     namespaces: frozenset[str] = frozenset()  #: robot namespaces to announce to all
-    #: called with the salt of each hub that we may join, before joining
-    learn: Callable[[str], None] = lambda _salt: None
+    #: called with the salt of each hub before joining, and when it changes, with the former one
+    learn: Callable[[str, str], None] = lambda _salt, _former: None
     #: called with the text that a hub has stored for our name; returns the text to store from now on
     restore: Callable[[str], str] = lambda text: text
 
@@ -94,6 +94,7 @@ class Hubs:
             host=config.host,
             namespaces=config.namespaces,
             restore=config.restore,
+            learn=config.learn,
         )
         self._changed = threading.Condition()
         self._memberships = Memberships()
@@ -204,7 +205,6 @@ class Hubs:
         except HubError:
             session.close()
             raise
-        config.learn(session.salt)
         return session
 
     def _claim(self, hub: HubClient, session: HubSession) -> None:

@@ -24,11 +24,17 @@ class PasswordKeyring:
         self._keys: dict[str, bytes] = {}
         self._used = ""
 
-    def learn(self, salt: str) -> None:
-        """Adds the key for a hub's salt; a new one takes about 50 ms of CPU time."""
+    def learn(self, salt: str, former: str = "") -> None:
+        """Adds the key for a hub's salt; a new one takes about 50 ms of CPU time.
+
+        ``former`` is the salt that the hub replaced, if any. Its key is no longer used: a former member, who knows that
+        salt but not the new password, could test passwords against proofs made with it.
+        """
         with self._lock:
-            if salt and salt not in self._salts:
-                self._salts = (salt, *self._salts)[:MOST_KEYS]
+            kept = tuple(known for known in self._salts if known not in (former, salt))
+            salts = ((salt,) if salt else ()) + kept
+            if set(salts) != set(self._salts):
+                self._salts = salts[:MOST_KEYS]
                 self._derive()
 
     def refresh(self) -> None:

@@ -21,6 +21,7 @@ from relay_side import (
 )
 
 from pioneer_harness.wait import wait_until
+from rocon_relay.adapters.keyring import PasswordKeyring, key_name
 from rocon_relay.core.connection import ANY, Address, Export, Import, LinkState, Subject
 from rocon_relay.core.link import Hello, proof
 from tcpros.header import header_bytes, header_fields
@@ -59,6 +60,16 @@ def test_a_gateway_of_another_hub_is_refused_until_both_know_the_hub(relays, tal
     assert "on no hub of ours" in sink.link().reason
     source.keyring.learn("two")
     wait_for(sink, LinkState.ACTIVE)
+
+
+def test_a_salt_that_its_hub_has_replaced_is_not_used_any_more():
+    keyring = PasswordKeyring(lambda: "secret")
+    for salt in ("one", "other"):
+        keyring.learn(salt)
+    keyring.learn("two", "one")
+    assert set(keyring.names()) == {key_name("two"), key_name("other")}
+    keyring.learn("two", "")
+    assert len(keyring.names()) == 2
 
 
 def test_a_password_that_changes_leaves_links_up_and_holds_for_new_ones(relays, talkers):
