@@ -9,12 +9,12 @@ from tempfile import TemporaryDirectory
 from pioneer_bench.adapters.description import meshed_pioneer, pioneer_urdf
 from pioneer_bench.core.accuracy import accuracy_rows, floor
 from pioneer_bench.report import finish
-from pioneer_gazebo.adapters.bullet import BulletEngine
-from pioneer_gazebo.adapters.mesh import triangles_of_mesh
-from pioneer_gazebo.adapters.urdf import robot_from_urdf
-from pioneer_gazebo.core.engine import Physics
-from pioneer_gazebo.core.simulation import Simulation
-from pioneer_gazebo.core.world import Model, World
+from pioneer_gazebo.physics.bullet import BulletEngine
+from pioneer_gazebo.physics.engine import Physics
+from pioneer_gazebo.simulation.simulation import Simulation
+from pioneer_gazebo.world.mesh import triangles_of_mesh
+from pioneer_gazebo.world.model import Model, World
+from pioneer_gazebo.world.urdf import robot_from_urdf
 
 
 class Worlds(contextlib.ExitStack):

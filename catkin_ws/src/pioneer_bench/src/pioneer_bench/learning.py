@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pioneer_bench.core.row import Row
 from pioneer_bench.report import finish
-from pioneer_gazebo.adapters.learning import PioneerParallelEnv, pioneer
+from pioneer_gazebo.learning.environment import PioneerParallelEnv, pioneer
 
 GOAL, GOAL_ROBOTS = 1200.0, 10
 """Goal in agent-steps a CPU-second, and the number of robots that it applies to."""

@@ -10,8 +10,8 @@ from pioneer_bench.accuracy import Worlds
 from pioneer_bench.adapters.description import meshed_pioneer, pioneer_urdf
 from pioneer_bench.core import accuracy
 from pioneer_bench.core.row import Row
-from pioneer_gazebo.adapters.urdf import robot_from_urdf
-from pioneer_gazebo.core.robot import Robot
+from pioneer_gazebo.world.robot import Robot
+from pioneer_gazebo.world.urdf import robot_from_urdf
 
 
 @pytest.fixture(scope="module", params=["shapes", "meshes"])

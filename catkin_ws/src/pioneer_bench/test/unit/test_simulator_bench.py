@@ -4,7 +4,7 @@ import pytest
 
 from pioneer_bench.core import hall
 from pioneer_bench.core.simulator import SETTINGS, Run, table
-from pioneer_gazebo.core.standing import distance_to
+from pioneer_gazebo.simulation.standing import distance_to
 
 
 def run(**changes: float) -> Run:

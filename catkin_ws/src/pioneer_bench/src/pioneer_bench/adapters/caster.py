@@ -9,9 +9,9 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from pioneer_gazebo.adapters.mesh import triangles_of_mesh
-from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.world import Box, Cylinder, Mesh, Plane, Shape, Sphere
+from pioneer_gazebo.world.mesh import triangles_of_mesh
+from pioneer_gazebo.world.model import Box, Cylinder, Mesh, Plane, Shape, Sphere
+from pioneer_gazebo.world.pose import Pose
 
 SIDES = 96
 """Number of sides of the prisms that approximate cylinders."""

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import rospkg
 
-from pioneer_gazebo.adapters.urdf import robot_from_urdf
-from pioneer_gazebo.core.pose import IDENTITY
-from pioneer_gazebo.core.robot import Robot
-from pioneer_gazebo.core.world import Collision, Mesh
+from pioneer_gazebo.world.model import Collision, Mesh
+from pioneer_gazebo.world.pose import IDENTITY
+from pioneer_gazebo.world.robot import Robot
+from pioneer_gazebo.world.urdf import robot_from_urdf
 
 
 def pioneer_urdf(**arguments: object) -> str:

@@ -7,8 +7,8 @@ import numpy as np
 import trimesh
 
 from pioneer_bench.core.accuracy import floor
-from pioneer_gazebo.core.pose import IDENTITY, Pose
-from pioneer_gazebo.core.world import Box, Collision, Inertia, Link, Mesh, Model, World
+from pioneer_gazebo.world.model import Box, Collision, Inertia, Link, Mesh, Model, World
+from pioneer_gazebo.world.pose import IDENTITY, Pose
 
 BOXES, BOX_COLUMNS = 285, 19
 BOX_PITCH = 1.4

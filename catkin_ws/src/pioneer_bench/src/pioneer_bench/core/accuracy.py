@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pioneer_bench.core.row import Row
-from pioneer_gazebo.core.entity import Entity
-from pioneer_gazebo.core.pose import Pose, heading
-from pioneer_gazebo.core.robot import Robot
-from pioneer_gazebo.core.schedule import TICK_RATE
-from pioneer_gazebo.core.simulation import Simulation
-from pioneer_gazebo.core.world import Box, Collision, Cylinder, Link, Model, Plane
+from pioneer_gazebo.simulation.entity import Entity
+from pioneer_gazebo.simulation.schedule import TICK_RATE
+from pioneer_gazebo.simulation.simulation import Simulation
+from pioneer_gazebo.world.model import Box, Collision, Cylinder, Link, Model, Plane
+from pioneer_gazebo.world.pose import Pose, heading
+from pioneer_gazebo.world.robot import Robot
 
 MakeSimulation = Callable[[list[Model]], Simulation]
 """Creates a simulation of these models."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from nav_bundle.core.pose import Pose
 from pioneer_bench.core.course import Change, Course, box, room, wall
-from pioneer_gazebo.core.section import EMPTY, Section
+from pioneer_gazebo.world.section import EMPTY, Section
 
 _LENGTH, _HEIGHT = 12.0, 8.0
 """Size of the room [m]; the robot starts on the left, and the goal is on the right."""

@@ -7,8 +7,8 @@ import numpy as np
 
 from nav_bundle.core.grid import FREE, OCCUPIED, Grid
 from nav_bundle.core.pose import Pose
-from pioneer_gazebo.core.raster import Extent, occupied_cells
-from pioneer_gazebo.core.section import EMPTY, Section
+from pioneer_gazebo.commands.raster import Extent, occupied_cells
+from pioneer_gazebo.world.section import EMPTY, Section
 
 _RESOLUTION = 0.05
 _THICKNESS = 0.1

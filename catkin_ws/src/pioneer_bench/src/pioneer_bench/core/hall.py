@@ -4,8 +4,8 @@ import math
 import random
 
 from pioneer_bench.core.accuracy import standing
-from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.world import Box, World
+from pioneer_gazebo.world.model import Box, World
+from pioneer_gazebo.world.pose import Pose
 
 SIDE = 20.0
 """Inner side of the hall [m]."""

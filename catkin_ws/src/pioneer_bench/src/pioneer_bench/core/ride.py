@@ -23,9 +23,9 @@ from nav_bundle.core.pose import Pose
 from nav_bundle.core.pushing import Picture
 from nav_bundle.core.sensor import points_from_ranges
 from pioneer_bench.core.course import Course
-from pioneer_gazebo.core.laser import WallIndex
-from pioneer_gazebo.core.section import Section
-from pioneer_gazebo.sensors.laser_kernel import Fan, Sensor
+from pioneer_gazebo.laser.laser import WallIndex
+from pioneer_gazebo.laser.laser_kernel import Fan, Sensor
+from pioneer_gazebo.world.section import Section
 
 _BEAMS, _REACH, _NOISE, _LASER_X = 180, 30.0, 0.01, 0.08
 _STEP = 0.01

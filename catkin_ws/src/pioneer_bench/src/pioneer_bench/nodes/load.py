@@ -24,7 +24,7 @@ from std_msgs.msg import Bool
 from pioneer_bench.adapters.description import pioneer_urdf
 from pioneer_bench.core import hall
 from pioneer_bench.core.simulator import Rates
-from pioneer_gazebo.adapters.sdf_text import sdf_from_world
+from pioneer_gazebo.world.sdf_text import sdf_from_world
 from pioneer_harness.masters import Master
 from pioneer_harness.proc import process_state
 from pioneer_harness.process import ProcessGroup
@@ -200,7 +200,7 @@ def main(argv: list[str]) -> int:
         world = master.home / "hall.world"
         world.write_text(sdf_from_world(hall.world(setting["seed"])))
         command = [
-            sys.executable, "-c", "from pioneer_gazebo.nodes.gazebo import main; raise SystemExit(main())",
+            sys.executable, "-c", "from pioneer_gazebo.node import main; raise SystemExit(main())",
             "__name:=gazebo", f"_world_name:={world}", f"_real_time_factor:={rates.real_time_factor}",
             f"_seed:={setting['seed']}", f"_clock_rate:={rates.clock_rate}",
         ]  # fmt: skip

@@ -29,7 +29,7 @@ from pioneer_demo.core.track import RobotTrack
 from pioneer_demo.core.waypoint import WaypointConfig, fleet_waypoints
 from pioneer_demo.nodes.observer import ObserverNode
 from pioneer_fleet.core.geometry import Pose
-from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses
+from pioneer_gazebo.fleet.pose_file import poses_of_world, read_poses
 from pioneer_harness.accounting import Account
 from pioneer_harness.error import HarnessError
 from pioneer_harness.masters import Master

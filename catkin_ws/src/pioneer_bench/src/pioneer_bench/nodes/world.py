@@ -16,19 +16,19 @@ from numpy.typing import NDArray
 from pioneer_bench.adapters.caster import distances, mesh_at
 from pioneer_bench.adapters.description import pioneer_urdf
 from pioneer_bench.adapters.made_world import loose_maze, shop
-from pioneer_gazebo.adapters.bullet import BulletEngine
-from pioneer_gazebo.adapters.mesh import triangles_of_mesh
-from pioneer_gazebo.adapters.resource import model_path
-from pioneer_gazebo.adapters.sdf import world_from_sdf
-from pioneer_gazebo.adapters.urdf import robot_from_urdf
-from pioneer_gazebo.core.engine import Physics
-from pioneer_gazebo.core.entity import Entity
-from pioneer_gazebo.core.error import ModelError
-from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.robot import Robot
-from pioneer_gazebo.core.schedule import TICK_RATE
-from pioneer_gazebo.core.simulation import Simulation
-from pioneer_gazebo.core.world import Shape, World
+from pioneer_gazebo.error import ModelError
+from pioneer_gazebo.physics.bullet import BulletEngine
+from pioneer_gazebo.physics.engine import Physics
+from pioneer_gazebo.simulation.entity import Entity
+from pioneer_gazebo.simulation.schedule import TICK_RATE
+from pioneer_gazebo.simulation.simulation import Simulation
+from pioneer_gazebo.world.mesh import triangles_of_mesh
+from pioneer_gazebo.world.model import Shape, World
+from pioneer_gazebo.world.pose import Pose
+from pioneer_gazebo.world.resource import model_path
+from pioneer_gazebo.world.robot import Robot
+from pioneer_gazebo.world.sdf import world_from_sdf
+from pioneer_gazebo.world.urdf import robot_from_urdf
 
 SECONDS = 5
 SCANS = 10

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pioneer_gazebo.adapters.urdf import robot_from_urdf
-from pioneer_gazebo.core.robot import Camera
+from pioneer_gazebo.world.robot import Camera
+from pioneer_gazebo.world.urdf import robot_from_urdf
 
 PACKAGE = Path(__file__).parents[2]
 LINKS = {

@@ -9,8 +9,8 @@ from sensor_msgs.msg import JointState
 
 from pioneer_description.conversions import MalformedMessageError, joint_positions
 from pioneer_description.core.joint_frames import JointFrames
-from pioneer_gazebo.core.joint import CONTINUOUS, FIXED, FLOATING, PRISMATIC, Joint
-from pioneer_gazebo.core.pose import Pose
+from pioneer_gazebo.world.joint import CONTINUOUS, FIXED, FLOATING, PRISMATIC, Joint
+from pioneer_gazebo.world.pose import Pose
 
 PERIOD = 100
 JOINTS = (

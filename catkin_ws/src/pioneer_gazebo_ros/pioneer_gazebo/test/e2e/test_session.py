@@ -11,7 +11,7 @@ MOST = 30_000
 
 PROGRAM = """
 import sys
-from pioneer_gazebo.nodes.session import run_session
+from pioneer_gazebo.fleet.session import run_session
 
 def body(session):
     session.say("runs")

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pioneer_gazebo.adapters.bullet import BulletEngine
-from pioneer_gazebo.adapters.mesh import triangles_of_mesh
-from pioneer_gazebo.adapters.urdf import robot_from_urdf
-from pioneer_gazebo.core.engine import Physics
-from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.robot import Robot
-from pioneer_gazebo.core.simulation import Simulation
-from pioneer_gazebo.core.world import Box, Collision, Link, Model, Plane, World
+from pioneer_gazebo.physics.bullet import BulletEngine
+from pioneer_gazebo.physics.engine import Physics
+from pioneer_gazebo.simulation.simulation import Simulation
+from pioneer_gazebo.world.mesh import triangles_of_mesh
+from pioneer_gazebo.world.model import Box, Collision, Link, Model, Plane, World
+from pioneer_gazebo.world.pose import Pose
+from pioneer_gazebo.world.robot import Robot
+from pioneer_gazebo.world.urdf import robot_from_urdf
 
 MakeSimulation = Callable[..., Simulation]
 

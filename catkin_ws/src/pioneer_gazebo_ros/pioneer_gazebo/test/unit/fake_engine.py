@@ -7,10 +7,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from pioneer_gazebo.core.body import Body
-from pioneer_gazebo.core.engine import STILL, Contact, EngineError, Physics, Velocity
-from pioneer_gazebo.core.pose import Pose, Vector
-from pioneer_gazebo.core.world import PlacedCollision
+from pioneer_gazebo.body.body import Body
+from pioneer_gazebo.physics.engine import STILL, Contact, EngineError, Physics, Velocity
+from pioneer_gazebo.world.model import PlacedCollision
+from pioneer_gazebo.world.pose import Pose, Vector
 
 
 @dataclass(slots=True)

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from pioneer_gazebo.adapters.sdf import world_from_sdf_text
-from pioneer_gazebo.core.error import DescriptionError, ModelError
-from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.schedule import TICK_RATE
-from pioneer_gazebo.core.world import Box, Cylinder, Model, Script, Trajectory, Waypoint
+from pioneer_gazebo.error import DescriptionError, ModelError
+from pioneer_gazebo.simulation.schedule import TICK_RATE
+from pioneer_gazebo.world.model import Box, Cylinder, Model, Script, Trajectory, Waypoint
+from pioneer_gazebo.world.pose import Pose
+from pioneer_gazebo.world.sdf import world_from_sdf_text
 
 
 def waypoint(time, pose):

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from pioneer_gazebo.adapters.urdf import robot_from_urdf
-from pioneer_gazebo.core.base import Battery, Wheel, pressed
-from pioneer_gazebo.core.error import DescriptionError
-from pioneer_gazebo.core.robot import BaseDriver
+from pioneer_gazebo.error import DescriptionError
+from pioneer_gazebo.sensors.base import Battery, Wheel, pressed
+from pioneer_gazebo.world.robot import BaseDriver
+from pioneer_gazebo.world.urdf import robot_from_urdf
 
 CONFIG = BaseDriver(
     capacity=1.0, fullVoltage=12.0, emptyVoltage=10.0, resistance=0.0625, idlePower=11.9375, rollingResistance=0.0,

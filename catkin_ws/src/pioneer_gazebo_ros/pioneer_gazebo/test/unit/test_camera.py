@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pioneer_gazebo import conversions
-from pioneer_gazebo.adapters.mesh import triangles_of_mesh
-from pioneer_gazebo.adapters.tiny_renderer import SKY, TinyRenderer
-from pioneer_gazebo.core.camera import intrinsics_of, noisy
-from pioneer_gazebo.core.pose import IDENTITY, Pose
-from pioneer_gazebo.core.robot import Camera
-from pioneer_gazebo.core.world import Box, Cylinder, Link, Mesh, Model, Plane, Sphere, Visual
+from pioneer_gazebo.sensors.camera import intrinsics_of, noisy
+from pioneer_gazebo.sensors.tiny_renderer import SKY, TinyRenderer
+from pioneer_gazebo.topics import sensor_messages
+from pioneer_gazebo.world.mesh import triangles_of_mesh
+from pioneer_gazebo.world.model import Box, Cylinder, Link, Mesh, Model, Plane, Sphere, Visual
+from pioneer_gazebo.world.pose import IDENTITY, Pose
+from pioneer_gazebo.world.robot import Camera
 
 CAMERA = Camera("camera", "link", horizontal_fov=1.2, width=160, height=120, far=50.0)
 EYE = Pose((0.0, 0.0, 1.0))
@@ -92,12 +92,12 @@ def test_what_moves_is_drawn_where_it_is_and_not_when_it_has_gone(renderer, simu
 def test_messages_carry_format_and_intrinsics():
     picture = np.zeros((120, 160, 3), np.uint8)
     picture[:, :, 0] = 200
-    assert conversions.image_of(picture, CAMERA).data[:3] == bytes((200, 0, 0))
-    blue_first = conversions.image_of(picture, replace(CAMERA, format="B8G8R8"))
+    assert sensor_messages.image_of(picture, CAMERA).data[:3] == bytes((200, 0, 0))
+    blue_first = sensor_messages.image_of(picture, replace(CAMERA, format="B8G8R8"))
     assert (blue_first.encoding, blue_first.data[:3]) == ("bgr8", bytes((0, 0, 200)))
-    grey = conversions.image_of(picture, replace(CAMERA, format="L8"))
+    grey = sensor_messages.image_of(picture, replace(CAMERA, format="L8"))
     assert (grey.encoding, grey.step, grey.data[0], len(grey.data)) == ("mono8", 160, 59, 120 * 160)
-    info = conversions.info_of(CAMERA)
+    info = sensor_messages.info_of(CAMERA)
     assert info.K[0] == info.K[4] == pytest.approx(80 / np.tan(0.6))
     assert (info.K[2], info.K[5], info.distortion_model) == (79.5, 59.5, "plumb_bob")
 

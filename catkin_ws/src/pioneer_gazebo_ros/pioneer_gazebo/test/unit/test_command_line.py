@@ -4,18 +4,19 @@ from pathlib import Path
 
 import pytest
 
-from pioneer_gazebo.adapters.resource import world_path
-from pioneer_gazebo.core.argument import ArgumentError
-from pioneer_gazebo.core.fleet import (
+from pioneer_gazebo.commands import world_to_map
+from pioneer_gazebo.fleet import run_navigation, run_simulation
+from pioneer_gazebo.fleet.argument import ArgumentError
+from pioneer_gazebo.fleet.fleet import (
     FleetError,
     InitialPose,
     initial_pose,
     robot_names,
     robot_of_host,
 )
-from pioneer_gazebo.nodes import run_navigation, run_simulation, world_to_map
-from pioneer_gazebo.nodes.run_simulation import SimulationOptions
-from pioneer_gazebo.nodes.session import SessionError
+from pioneer_gazebo.fleet.run_simulation import SimulationOptions
+from pioneer_gazebo.fleet.session import SessionError
+from pioneer_gazebo.world.resource import world_path
 
 
 def test_environment_gives_defaults_and_arguments_win():

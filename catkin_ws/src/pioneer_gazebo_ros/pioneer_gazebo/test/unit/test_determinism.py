@@ -7,12 +7,11 @@ from itertools import cycle
 import numpy as np
 import pytest
 
-from pioneer_gazebo.core.joint import CONTINUOUS, WORLD, Joint
-from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.robot import Robot
-from pioneer_gazebo.core.schedule import TICK_RATE, Schedule
-from pioneer_gazebo.core.simulation import Simulation
-from pioneer_gazebo.core.world import (
+from pioneer_gazebo.simulation.schedule import TICK_RATE, Schedule
+from pioneer_gazebo.simulation.simulation import Simulation
+from pioneer_gazebo.timeline import Pacer
+from pioneer_gazebo.world.joint import CONTINUOUS, WORLD, Joint
+from pioneer_gazebo.world.model import (
     Box,
     Collision,
     Cylinder,
@@ -22,7 +21,8 @@ from pioneer_gazebo.core.world import (
     Trajectory,
     Waypoint,
 )
-from pioneer_gazebo.nodes.timeline import Pacer
+from pioneer_gazebo.world.pose import Pose
+from pioneer_gazebo.world.robot import Robot
 
 MakeSimulation = Callable[..., Simulation]
 

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 import yaml
 
-from pioneer_gazebo.adapters.ros_control import controlled
-from pioneer_gazebo.adapters.sdf import world_from_sdf_text
-from pioneer_gazebo.adapters.urdf import robot_from_urdf
-from pioneer_gazebo.core.camera import points_of
-from pioneer_gazebo.core.entity import Entity
-from pioneer_gazebo.core.error import DescriptionError
-from pioneer_gazebo.core.inertial import InertialUnit, Receiver
-from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.robot import Camera, Gps, Imu, JointStatePublisher, LaserSensor, Robot
-from pioneer_gazebo.core.schedule import TICK_RATE
-from pioneer_gazebo.core.simulation import Simulation
+from pioneer_gazebo.error import DescriptionError
+from pioneer_gazebo.sensors.camera import points_of
+from pioneer_gazebo.sensors.inertial import InertialUnit, Receiver
+from pioneer_gazebo.simulation.entity import Entity
+from pioneer_gazebo.simulation.schedule import TICK_RATE
+from pioneer_gazebo.simulation.simulation import Simulation
+from pioneer_gazebo.world.pose import Pose
+from pioneer_gazebo.world.robot import Camera, Gps, Imu, JointStatePublisher, LaserSensor, Robot
+from pioneer_gazebo.world.ros_control import controlled
+from pioneer_gazebo.world.sdf import world_from_sdf_text
+from pioneer_gazebo.world.urdf import robot_from_urdf
 
 MakeSimulation = Callable[..., Simulation]
 

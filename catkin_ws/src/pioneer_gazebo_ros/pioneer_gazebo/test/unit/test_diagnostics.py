@@ -2,7 +2,7 @@
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from pioneer_gazebo.nodes.gazebo import judged
+from pioneer_gazebo.node import judged
 
 
 def test_only_a_running_simulation_can_be_too_slow() -> None:

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from pioneer_gazebo.core.drive import CommandError, Drive, Odometry
-from pioneer_gazebo.core.entity import CollisionCounter
-from pioneer_gazebo.core.robot import DiffDrive
+from pioneer_gazebo.simulation.drive import CommandError, Drive, Odometry
+from pioneer_gazebo.simulation.entity import CollisionCounter
+from pioneer_gazebo.world.robot import DiffDrive
 
 STEP = 0.02
 CONFIG = DiffDrive(wheelSeparation=0.33, wheelDiameter=0.195, wheelAcceleration=3.0)

@@ -1,9 +1,9 @@
 import pytest
 
-from pioneer_gazebo.adapters.sdf import GROUND_PLANE
-from pioneer_gazebo.core.error import DescriptionError
-from pioneer_gazebo.core.floor_plan import plan_from_text, world_of_plan
-from pioneer_gazebo.core.world import Box, Cylinder
+from pioneer_gazebo.commands.floor_plan import plan_from_text, world_of_plan
+from pioneer_gazebo.error import DescriptionError
+from pioneer_gazebo.world.model import Box, Cylinder
+from pioneer_gazebo.world.sdf import GROUND_PLANE
 
 DRAWING = """
 # two rooms

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pioneer_gazebo.adapters.mesh import triangles_of_mesh
-from pioneer_gazebo.adapters.resource import file_of_uri
-from pioneer_gazebo.adapters.sdf import world_from_sdf
-from pioneer_gazebo.core.raster import FREE, OCCUPIED
-from pioneer_gazebo.core.world import Box, Mesh, World
-from pioneer_gazebo.nodes import world_to_map
+from pioneer_gazebo.commands import world_to_map
+from pioneer_gazebo.commands.raster import FREE, OCCUPIED
+from pioneer_gazebo.world.mesh import triangles_of_mesh
+from pioneer_gazebo.world.model import Box, Mesh, World
+from pioneer_gazebo.world.resource import file_of_uri
+from pioneer_gazebo.world.sdf import world_from_sdf
 
 SHELF = """<link name='l'>{inertial}<collision name='c'><geometry><box><size>{size}</size></box></geometry></collision>
 </link>"""

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from pioneer_gazebo.core.engine import STILL
-from pioneer_gazebo.core.entity import Entity
-from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.robot import Robot
-from pioneer_gazebo.core.schedule import TICK_RATE
-from pioneer_gazebo.core.simulation import Simulation
-from pioneer_gazebo.core.world import Collision, Link, Mesh, Model
+from pioneer_gazebo.physics.engine import STILL
+from pioneer_gazebo.simulation.entity import Entity
+from pioneer_gazebo.simulation.schedule import TICK_RATE
+from pioneer_gazebo.simulation.simulation import Simulation
+from pioneer_gazebo.world.model import Collision, Link, Mesh, Model
+from pioneer_gazebo.world.pose import Pose
+from pioneer_gazebo.world.robot import Robot
 
 MakeSimulation = Callable[..., Simulation]
 MakeBox = Callable[..., Model]

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from pioneer_gazebo.core.heading_policy import act, directions, sectors
+from pioneer_gazebo.learning.heading_policy import act, directions, sectors
 
 WEIGHTS = np.array([1.0, 0.3, 2.0, 1.0, 0.5])
 OPEN = np.full(180, 30.0)

@@ -4,16 +4,16 @@ import math
 
 import pytest
 
-from pioneer_gazebo.adapters.mesh import triangles_of_mesh
-from pioneer_gazebo.adapters.sdf import world_from_sdf_text
-from pioneer_gazebo.adapters.urdf import robot_from_urdf
-from pioneer_gazebo.core.actor import Wrench
-from pioneer_gazebo.core.body import body_from_model
-from pioneer_gazebo.core.error import DescriptionError
-from pioneer_gazebo.core.joint import CONTINUOUS, FIXED, PRISMATIC, REVOLUTE, Joint, tree_of
-from pioneer_gazebo.core.pose import IDENTITY, Pose
-from pioneer_gazebo.core.schedule import TICK_RATE
-from pioneer_gazebo.core.world import Box, Collision, Link, Mesh, Model
+from pioneer_gazebo.body.body import body_from_model
+from pioneer_gazebo.error import DescriptionError
+from pioneer_gazebo.simulation.actor import Wrench
+from pioneer_gazebo.simulation.schedule import TICK_RATE
+from pioneer_gazebo.world.joint import CONTINUOUS, FIXED, PRISMATIC, REVOLUTE, Joint, tree_of
+from pioneer_gazebo.world.mesh import triangles_of_mesh
+from pioneer_gazebo.world.model import Box, Collision, Link, Mesh, Model
+from pioneer_gazebo.world.pose import IDENTITY, Pose
+from pioneer_gazebo.world.sdf import world_from_sdf_text
+from pioneer_gazebo.world.urdf import robot_from_urdf
 
 
 def link(name, pose="0 0 0 0 0 0", size="0.2 0.2 0.2", mass=1):

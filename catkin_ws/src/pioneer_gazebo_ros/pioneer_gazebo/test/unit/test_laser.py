@@ -7,12 +7,12 @@ import pybullet
 import pytest
 from numpy.typing import NDArray
 
-from pioneer_gazebo.core.laser import Laser, Movers, WallIndex, generator_for
-from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.robot import LaserSensor
-from pioneer_gazebo.core.section import Section, section_of
-from pioneer_gazebo.core.world import Box, Cylinder, Mesh, Shape, Sphere
-from pioneer_gazebo.sensors.laser_kernel import Fan, Sensor
+from pioneer_gazebo.laser.laser import Laser, Movers, WallIndex, generator_for
+from pioneer_gazebo.laser.laser_kernel import Fan, Sensor
+from pioneer_gazebo.world.model import Box, Cylinder, Mesh, Shape, Sphere
+from pioneer_gazebo.world.pose import Pose
+from pioneer_gazebo.world.robot import LaserSensor
+from pioneer_gazebo.world.section import Section, section_of
 
 HEIGHT = 0.3
 REACH = 12.0

@@ -11,9 +11,9 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
-from pioneer_gazebo.adapters.learning import EXTRA, PioneerEnv, PioneerParallelEnv, _free_space
-from pioneer_gazebo.adapters.learning import pioneer as pioneer_description
-from pioneer_gazebo.core.robot import Robot
+from pioneer_gazebo.learning.environment import EXTRA, PioneerEnv, PioneerParallelEnv, _free_space
+from pioneer_gazebo.learning.environment import pioneer as pioneer_description
+from pioneer_gazebo.world.robot import Robot
 
 STRAIGHT: dict[str, Any] = {"starts": [(-4.5, 3.5, -math.pi / 2)], "goals": [(-4.5, 2.0)]}
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from pioneer_gazebo.core.lockstep import Lockstep
+from pioneer_gazebo.lockstep.lockstep import Lockstep
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,9 @@ import struct
 import numpy as np
 import pytest
 
-from pioneer_gazebo.adapters.mesh import hull_of_mesh, solid_of_mesh, triangles_of_mesh
-from pioneer_gazebo.core.error import DescriptionError
-from pioneer_gazebo.core.world import Mesh
+from pioneer_gazebo.error import DescriptionError
+from pioneer_gazebo.world.mesh import hull_of_mesh, solid_of_mesh, triangles_of_mesh
+from pioneer_gazebo.world.model import Mesh
 
 TRIANGLE = np.array([[(0, 0, 0), (1, 0, 0), (0, 1, 2)]], dtype=float)
 DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from pioneer_gazebo.nodes.timeline import Budget, Pacer
+from pioneer_gazebo.timeline import Budget, Pacer
 
 STEP, STEP_COST = 0.02, 0.002
 """Simulated time per step, and its cost in wall time [s]."""

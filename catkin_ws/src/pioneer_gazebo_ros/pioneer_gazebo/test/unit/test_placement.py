@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from pioneer_gazebo.adapters.drawn_map import read_map
-from pioneer_gazebo.adapters.pose_file import poses_of_world, read_poses
-from pioneer_gazebo.core.fleet import DrawnMap, PlacementError, check_place, initial_pose
+from pioneer_gazebo.fleet.drawn_map import read_map
+from pioneer_gazebo.fleet.fleet import DrawnMap, PlacementError, check_place, initial_pose
+from pioneer_gazebo.fleet.pose_file import poses_of_world, read_poses
 
 MAPS = Path(__file__).parents[2] / "map"
 

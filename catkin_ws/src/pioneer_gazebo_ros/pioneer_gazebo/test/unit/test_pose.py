@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pioneer_gazebo.core.pose import IDENTITY, Pose
+from pioneer_gazebo.world.pose import IDENTITY, Pose
 
 angle = st.floats(-3.1, 3.1)
 length = st.floats(-50.0, 50.0)

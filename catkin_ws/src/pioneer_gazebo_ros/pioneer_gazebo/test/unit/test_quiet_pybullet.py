@@ -6,7 +6,7 @@ import sys
 
 def test_importing_the_engine_prints_nothing():
     script = (
-        "import sys, pioneer_gazebo.adapters.bullet; print('out'); print('error', file=sys.stderr)"
+        "import sys, pioneer_gazebo.physics.bullet; print('out'); print('error', file=sys.stderr)"
     )
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60

@@ -3,10 +3,10 @@ import math
 import numpy as np
 import pytest
 
-from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.raster import FREE, OCCUPIED, UNKNOWN, Extent, grey_map, occupied_cells
-from pioneer_gazebo.core.section import section_of
-from pioneer_gazebo.core.world import Box, Cylinder, Mesh
+from pioneer_gazebo.commands.raster import FREE, OCCUPIED, UNKNOWN, Extent, grey_map, occupied_cells
+from pioneer_gazebo.world.model import Box, Cylinder, Mesh
+from pioneer_gazebo.world.pose import Pose
+from pioneer_gazebo.world.section import section_of
 
 CUBE = np.array([[0, 1, 2], [1, 3, 2], [4, 6, 5], [5, 6, 7], [0, 4, 1], [1, 4, 5], [2, 3, 6], [3, 7, 6], [0, 2, 4],
                  [2, 6, 4], [1, 5, 3], [3, 5, 7]])  # fmt: skip

@@ -2,7 +2,13 @@
 
 import pytest
 
-from pioneer_gazebo.core.schedule import TICK_RATE, RateError, Schedule, nanoseconds, period_of
+from pioneer_gazebo.simulation.schedule import (
+    TICK_RATE,
+    RateError,
+    Schedule,
+    nanoseconds,
+    period_of,
+)
 
 
 def run(schedule: Schedule, tick: int) -> None:

@@ -4,11 +4,11 @@ import time
 import numpy as np
 import pytest
 
-from pioneer_gazebo.adapters.sdf import world_from_sdf, world_from_sdf_text
-from pioneer_gazebo.adapters.sdf_text import sdf_from_world
-from pioneer_gazebo.core.error import DescriptionError
-from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.world import Box, Cylinder, Mesh, Plane, Sphere
+from pioneer_gazebo.error import DescriptionError
+from pioneer_gazebo.world.model import Box, Cylinder, Mesh, Plane, Sphere
+from pioneer_gazebo.world.pose import Pose
+from pioneer_gazebo.world.sdf import world_from_sdf, world_from_sdf_text
+from pioneer_gazebo.world.sdf_text import sdf_from_world
 
 BOX = "<collision name='c'><geometry><box><size>1 2 3</size></box></geometry></collision>"
 

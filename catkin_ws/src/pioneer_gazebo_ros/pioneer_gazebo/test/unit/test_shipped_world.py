@@ -7,10 +7,10 @@ import pytest
 import yaml
 from scipy import ndimage
 
-from pioneer_gazebo.adapters.sdf import world_from_sdf
-from pioneer_gazebo.adapters.sdf_actor import PERSON_RADIUS
-from pioneer_gazebo.nodes.plan_to_world import world_text
-from pioneer_gazebo.nodes.world_to_map import map_of_world
+from pioneer_gazebo.commands.plan_to_world import world_text
+from pioneer_gazebo.commands.world_to_map import map_of_world
+from pioneer_gazebo.world.sdf import world_from_sdf
+from pioneer_gazebo.world.sdf_actor import PERSON_RADIUS
 
 PACKAGE = Path(__file__).parents[2]
 POSES = PACKAGE.parent / "pioneer_description" / "config"

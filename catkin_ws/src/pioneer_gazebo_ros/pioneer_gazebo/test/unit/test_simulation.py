@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from fake_engine import FakeEngine
 
-from pioneer_gazebo.core.actor import Wrench
-from pioneer_gazebo.core.body import body_from_robot, lowest_points
-from pioneer_gazebo.core.drive import CommandError
-from pioneer_gazebo.core.engine import Engine, EngineError, Physics, Velocity
-from pioneer_gazebo.core.error import BoundError, ModelError
-from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.robot import DiffDrive, Robot
-from pioneer_gazebo.core.schedule import TICK_RATE, RateError
-from pioneer_gazebo.core.simulation import Simulation
-from pioneer_gazebo.core.world import Collision, Cylinder, Link, Model, Sphere, World
+from pioneer_gazebo.body.body import body_from_robot, lowest_points
+from pioneer_gazebo.error import BoundError, ModelError
+from pioneer_gazebo.physics.engine import Engine, EngineError, Physics, Velocity
+from pioneer_gazebo.simulation.actor import Wrench
+from pioneer_gazebo.simulation.drive import CommandError
+from pioneer_gazebo.simulation.schedule import TICK_RATE, RateError
+from pioneer_gazebo.simulation.simulation import Simulation
+from pioneer_gazebo.world.model import Collision, Cylinder, Link, Model, Sphere, World
+from pioneer_gazebo.world.pose import Pose
+from pioneer_gazebo.world.robot import DiffDrive, Robot
 
 
 def no_mesh(mesh: object) -> None:

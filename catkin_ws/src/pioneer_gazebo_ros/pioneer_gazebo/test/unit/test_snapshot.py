@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import LaserScan
 
-from pioneer_gazebo.adapters.bullet import BulletEngine
-from pioneer_gazebo.adapters.plan_image import PAPER, SOLID, WALL, PlanImage, Shown, closed_lines
-from pioneer_gazebo.core.engine import EngineError
-from pioneer_gazebo.core.pose import Pose
-from pioneer_gazebo.core.section import EMPTY, Section
-from pioneer_gazebo.nodes.snapshot import ends
+from pioneer_gazebo.commands.plan_image import PAPER, SOLID, WALL, PlanImage, Shown, closed_lines
+from pioneer_gazebo.commands.snapshot import ends
+from pioneer_gazebo.physics.bullet import BulletEngine
+from pioneer_gazebo.physics.engine import EngineError
+from pioneer_gazebo.world.pose import Pose
+from pioneer_gazebo.world.section import EMPTY, Section
 
 
 def test_beams_that_met_something_end_there_and_others_nowhere() -> None:

@@ -8,14 +8,14 @@ from types import SimpleNamespace
 import pytest
 import rospy
 
-from pioneer_gazebo.nodes.mailbox import ClosedError, Mailbox
-from pioneer_gazebo.nodes.timeline import MOST_BEHIND, Pacer
-from pioneer_gazebo.nodes.topic import (
+from pioneer_gazebo.ros.mailbox import ClosedError, Mailbox
+from pioneer_gazebo.ros.topic import (
     FRAMES_KEPT,
     _bear_late_goodbyes,
     _Outlet,
     publish_while_alive,
 )
+from pioneer_gazebo.timeline import MOST_BEHIND, Pacer
 
 
 @pytest.fixture

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pioneer_gazebo.adapters.urdf import robot_from_urdf
-from pioneer_gazebo.core.error import DescriptionError
-from pioneer_gazebo.core.world import Box, Cylinder
+from pioneer_gazebo.error import DescriptionError
+from pioneer_gazebo.world.model import Box, Cylinder
+from pioneer_gazebo.world.urdf import robot_from_urdf
 
 CART = """
 <robot name="cart">

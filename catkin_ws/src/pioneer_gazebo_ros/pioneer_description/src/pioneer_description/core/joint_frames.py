@@ -3,8 +3,8 @@
 import math
 from collections.abc import Iterable, Sequence
 
-from pioneer_gazebo.core.joint import FIXED, FLOATING, PRISMATIC, Joint
-from pioneer_gazebo.core.pose import Pose, Vector
+from pioneer_gazebo.world.joint import FIXED, FLOATING, PRISMATIC, Joint
+from pioneer_gazebo.world.pose import Pose, Vector
 
 
 class JointFrames:

@@ -19,10 +19,10 @@ from tf2_msgs.msg import TFMessage
 
 from pioneer_description.conversions import MalformedMessageError, joint_positions
 from pioneer_description.core.joint_frames import JointFrames
-from pioneer_gazebo.adapters.urdf import robot_from_urdf
-from pioneer_gazebo.conversions import TransformTemplate, transforms_frame
-from pioneer_gazebo.core.error import DescriptionError
-from pioneer_gazebo.core.joint import Joint
+from pioneer_gazebo.error import DescriptionError
+from pioneer_gazebo.ros.messages import TransformTemplate, transforms_frame
+from pioneer_gazebo.world.joint import Joint
+from pioneer_gazebo.world.urdf import robot_from_urdf
 from pioneer_node.adapters.node_handle import NodeHandle
 from pioneer_node.adapters.node_process import NodeProcess
 

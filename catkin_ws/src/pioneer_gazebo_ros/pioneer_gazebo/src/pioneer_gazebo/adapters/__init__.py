@@ -1,1 +1,1 @@
-"""Adapters, one external dependency per module: file formats, the engine, the workspace's packages."""
+"""Modules that moved, under the names that the documentation gave until version 1.0; kept for one release."""

@@ -1,1 +1,1 @@
-"""The simulator's values and algorithms, independent of ROS and of the physics engine."""
+"""Modules that moved, under the names that the documentation gave until version 1.0; kept for one release."""

@@ -1,1 +1,1 @@
-"""Sensors of the simulated robots."""
+"""Sensors besides lasers: motion of links, cameras, and what a Pioneer's driver reports."""

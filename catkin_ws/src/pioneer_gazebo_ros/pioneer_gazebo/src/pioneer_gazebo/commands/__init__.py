@@ -1,0 +1,1 @@
+"""Commands for people: draw worlds and maps, spawn models, save a picture."""

@@ -1,0 +1,1 @@
+"""Planar laser: ray casts against walls and moving outlines, ranges and noise."""

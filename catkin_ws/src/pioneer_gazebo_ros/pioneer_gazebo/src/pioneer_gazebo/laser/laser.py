@@ -1,0 +1,131 @@
+"""Planar laser: ray casts from a level sensor against walls and moving outlines, with SDF's Gaussian noise."""
+
+import math
+import zlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pioneer_gazebo.laser import laser_kernel as kernel
+from pioneer_gazebo.laser.laser_kernel import Fan, Sensor
+from pioneer_gazebo.world.robot import LaserSensor, SonarSensor
+from pioneer_gazebo.world.section import Section
+
+CELLS_AT_MOST = 1 << 20
+"""Maximum number of grid cells; larger worlds get larger cells."""
+
+CELL = 1.0
+"""Default side of a grid cell [m]."""
+
+
+class WallIndex:
+    """Immutable grid index of a section of the static world, for ray casts."""
+
+    def __init__(self, section: Section, cell: float = CELL) -> None:
+        points = section.extremes()
+        low, high = (
+            (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
+        )
+        span = np.maximum(high - low, cell)
+        side = max(cell, math.sqrt(float(span[0] * span[1]) / CELLS_AT_MOST))
+        cols, rows = (int((s + 2e-3) / side) + 1 for s in span)
+        corner = (float(low[0]) - 1e-3, float(low[1]) - 1e-3)
+        self._walls = kernel.Walls(section.segments, section.circles, *corner, side, rows, cols)
+        counts = np.zeros(rows * cols, dtype=np.int32)
+        kernel.count_items(self._walls, counts)
+        self._starts = np.zeros(len(counts) + 1, dtype=np.int32)
+        np.cumsum(counts, out=self._starts[1:])
+        self._items = np.zeros(max(1, int(self._starts[-1])), dtype=np.int32)
+        kernel.fill_items(self._walls, self._starts[:-1].copy(), self._items)
+
+    def cast(self, sensor: Sensor, fan: Fan, out: NDArray[np.float64]) -> None:
+        """Writes each beam's distance [m] to ``out``, one value per beam; ``sensor`` is in the section's frame."""
+        kernel.cast(self._walls, self._starts, self._items, sensor, fan, out)
+
+
+class Movers:
+    """Outlines of all moving entities at one height; poses are rows of an array that the owner updates."""
+
+    def __init__(self, outlines: list[NDArray[np.float64]]) -> None:
+        """Takes one outline per mover: segments (n, 4) in the mover's frame."""
+        self._outlines = kernel.Outlines(
+            np.ascontiguousarray(np.concatenate([np.empty((0, 4)), *outlines])),
+            np.cumsum([0] + [len(outline) for outline in outlines]).astype(np.int32),
+            np.array([_radius(outline) for outline in outlines], dtype=np.float64),
+        )
+
+    def shorten(
+        self,
+        poses: NDArray[np.float64],
+        own: int,
+        sensor: Sensor,
+        fan: Fan,
+        out: NDArray[np.float64],
+    ) -> None:
+        """Shortens the beams in ``out`` that hit an outline; arguments as for `kernel.cast_movers`."""
+        kernel.cast_movers(self._outlines, poses, own, sensor, fan, out)
+
+
+def _radius(outline: NDArray[np.float64]) -> float:
+    ends = np.concatenate([outline[:, :2], outline[:, :2] + outline[:, 2:]])
+    return float(np.sqrt((ends**2).sum(axis=1)).max()) if len(ends) else 0.0
+
+
+def generator_for(seed: int, *names: str) -> np.random.Generator:
+    """Returns a random generator that depends on seed and ``names`` only, so that other entities do not affect it."""
+    return np.random.default_rng(
+        [seed & 0xFFFFFFFF, *(zlib.crc32(name.encode()) for name in names)]
+    )
+
+
+def laser_of_sonar(config: SonarSensor) -> LaserSensor:
+    """Returns the fan of beams that models a sonar's cone; the sonar reads its shortest beam."""
+    return LaserSensor(
+        config.name, config.link, config.pose, config.update_rate, config.frame,
+        samples=max(2, config.samples), min_angle=-config.fov / 2, max_angle=config.fov / 2,
+        min_range=config.min_range, max_range=config.max_range, noise_stddev=config.gaussianNoise, topic=config.topic,
+    )  # fmt: skip
+
+
+class Laser:
+    """One laser on one robot; converts distances to ranges like Gazebo's ray sensor.
+
+    Only hits get noise, and stay within the range limits. A distance beyond the maximum range becomes +inf, one below
+    the minimum range −inf (REP 117, Gazebo 11).
+    """
+
+    def __init__(self, config: LaserSensor, generator: np.random.Generator) -> None:
+        self.config = config
+        self._generator = generator
+        self._distances = np.empty(config.samples)
+        self._noise = np.zeros(config.samples)
+        self.increment = (config.max_angle - config.min_angle) / max(1, config.samples - 1)
+
+    def ranges(
+        self,
+        walls: WallIndex,
+        movers: Movers,
+        poses: NDArray[np.float64],
+        own: int,
+        sensor: Sensor,
+    ) -> NDArray[np.float64]:
+        """Returns the ranges [m] of a scan from ``sensor``; the array is overwritten by the next scan."""
+        out = self._distances
+        fan = Fan(self.config.min_angle, self.increment, self.config.max_range)
+        walls.cast(sensor, fan, out)
+        movers.shorten(poses, own, sensor, fan, out)
+        return self.measured(out)
+
+    def reseed(self, generator: np.random.Generator) -> None:
+        """Restarts the noise sequence."""
+        self._generator = generator
+
+    def measured(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Converts true distances to ranges in place: resolution, noise, limits."""
+        config = self.config
+        if config.noise_stddev > 0:
+            self._generator.standard_normal(out=self._noise)
+        limits = (config.min_range, config.max_range)
+        reading = kernel.Reading(config.noise_mean, config.noise_stddev, config.resolution, *limits)
+        kernel.measure(out, self._noise, reading)
+        return out

@@ -1,0 +1,1 @@
+"""Learning environments without ROS, and a driver that is trained in them."""

@@ -1,0 +1,1 @@
+"""Lockstep: simulated time waits until every node is done with a period."""

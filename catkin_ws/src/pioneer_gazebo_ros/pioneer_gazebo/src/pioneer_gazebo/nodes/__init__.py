@@ -1,1 +1,0 @@
-"""The simulator as ROS nodes."""

@@ -1,0 +1,1 @@
+"""Services of gazebo_ros: models, links, joints, time and physics."""

@@ -1,0 +1,105 @@
+"""Moves scripted models along their scripts, regardless of obstacles, and pushes bodies by forces and torques."""
+
+import math
+from dataclasses import dataclass
+
+from pioneer_gazebo.physics.engine import STILL, Engine, Velocity
+from pioneer_gazebo.simulation.entity import Entity
+from pioneer_gazebo.simulation.schedule import TICK_RATE
+from pioneer_gazebo.world.model import Script
+from pioneer_gazebo.world.pose import Pose, Vector
+
+FASTEST = 10.0
+"""Faster script motion [m/s], such as from its end back to its start, is a jump: the model pushes nothing away."""
+
+
+class Actors:
+    """All models that follow a script. The pose of each depends on the tick alone."""
+
+    def __init__(self, engine: Engine) -> None:
+        """Takes the engine, in which scripted models push other bodies aside."""
+        self._engine = engine
+        self._entities: list[Entity] = []
+
+    def add(self, entity: Entity, script: Script, tick: int) -> None:
+        """Makes an entity follow a script that begins at ``tick``."""
+        # Its pose does not depend on physics, so it is never put to sleep.
+        entity.script, entity.began, entity.at_rest = script, tick, True
+        self._entities.append(entity)
+
+    def remove(self, entity: Entity) -> None:
+        """Removes an entity, whether or not it follows a script."""
+        self._entities = [one for one in self._entities if one is not entity]
+
+    def lead(self, following: int, step: float) -> None:
+        """Sets each model's motion during the coming step [s] so that it ends at its pose at tick ``following``."""
+        for entity in self._entities:
+            entity.motion = velocity_between(entity.after, _pose(entity, following), step)
+            self._engine.lead(entity.handle, entity.after, entity.motion)
+
+    def follow(self, tick: int) -> None:
+        """Records each model's pose after a step that ended at ``tick``."""
+        for entity in self._entities:
+            entity.after, entity.seen = _pose(entity, tick), tick
+
+    def restart(self, tick: int) -> None:
+        """Restarts every script at ``tick``."""
+        for entity in self._entities:
+            entity.began, entity.seen, entity.motion = tick, tick, STILL
+            entity.before = entity.after = _pose(entity, tick)
+
+
+def _pose(entity: Entity, tick: int) -> Pose:
+    assert entity.script is not None, "actors have a script"
+    return entity.script.pose((tick - entity.began) / TICK_RATE)
+
+
+def velocity_between(a: Pose, b: Pose, seconds: float) -> Velocity:
+    """Returns the velocity that moves ``a`` to ``b`` in ``seconds``; zero if that is a jump."""
+    x, y, z = ((q - p) / seconds for p, q in zip(a.position, b.position, strict=True))
+    if math.hypot(x, y, z) > FASTEST:
+        return STILL
+    turn = Pose(rotation=b.rotation).compose(Pose(rotation=a.rotation).inverse()).rotation
+    rate = math.copysign(2.0 / seconds, turn[3])
+    return Velocity((x, y, z), (rate * turn[0], rate * turn[1], rate * turn[2]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wrench:
+    """A force [N] at a point of a part and a torque [N m], in the world's axes, from one tick to another."""
+
+    entity: Entity
+    part: int
+    force: Vector
+    torque: Vector
+    point: Vector
+    first: int
+    last: float
+
+
+class Wrenches:
+    """All active and pending wrenches."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._wrenches: list[Wrench] = []
+
+    def add(self, wrench: Wrench) -> None:
+        """Adds a wrench."""
+        self._wrenches.append(wrench)
+
+    def clear(self, entity: Entity | None = None, part: int | None = None) -> None:
+        """Ends all wrenches, those on an entity, or those on one of its parts."""
+        self._wrenches = [
+            one
+            for one in self._wrenches
+            if not (entity in (None, one.entity) and part in (None, one.part))
+        ]
+
+    def push(self, tick: int) -> None:
+        """Applies the active wrenches to the step that begins at ``tick``, and removes those that have ended."""
+        if self._wrenches:
+            self._wrenches = [one for one in self._wrenches if one.last > tick]
+        for one in self._wrenches:
+            if one.first <= tick:
+                self._engine.push(one.entity.handle, one.part, one.force, one.torque, one.point)

@@ -1,0 +1,272 @@
+"""A moving entity of the simulated world: a robot or a dynamic model."""
+
+import math
+from collections import deque
+from dataclasses import dataclass, field, replace
+
+from pioneer_gazebo.body.body import Body
+from pioneer_gazebo.laser.laser import Laser, generator_for, laser_of_sonar
+from pioneer_gazebo.physics.engine import STILL, Engine, Velocity
+from pioneer_gazebo.simulation.drive import Drive, Odometry, check_motion
+from pioneer_gazebo.world.model import Script
+from pioneer_gazebo.world.pose import IDENTITY, Pose, Quaternion, heading
+from pioneer_gazebo.world.robot import DiffDrive, LaserSensor, PlanarMove, Robot, SonarSensor
+
+GAP = 0.5
+"""A new episode begins after this simulated time [s] without contact."""
+
+
+class CollisionCounter:
+    """Counts the contact episodes of one body."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._last: float | None = None
+
+    def touched(self, time: float) -> bool:
+        """Records a contact at ``time`` [s]; returns whether it began a new episode."""
+        new = self._last is None or time - self._last >= GAP
+        self._last = time
+        self.count += new
+        return new
+
+
+COMMANDS_KEPT = 100
+
+
+@dataclass(slots=True)
+class Driven:
+    """A drive and the wheels it turns."""
+
+    drive: Drive  #: wheel speeds and odometry
+    parts: tuple[int, ...]  #: parts of the left wheels, then of as many right wheels
+    torque: float  #: maximum torque per wheel [N m]
+    handle: int  #: of the body in the engine
+    before: Odometry = field(default_factory=Odometry)  #: odometry before the last step
+    #: pending commands: tick, speed [m/s], turn [rad/s]. The newest one counts, so only a few are kept.
+    commands: deque[tuple[int, float, float]] = field(
+        default_factory=lambda: deque(maxlen=COMMANDS_KEPT)
+    )
+
+    def command(self, tick: int, speed: float, turn: float) -> None:
+        """Queues a motion [m/s, rad/s] received at ``tick``; it applies to the first step that begins then or later.
+
+        Thread-safe.
+
+        Raises:
+            CommandError: a value is not finite or too large; the previous command remains in force.
+        """
+        check_motion(speed, turn)
+        self.commands.append((tick, speed, turn))
+
+    def obey(self, tick: int) -> None:
+        """Passes the commands received by ``tick`` to the drive."""
+        while self.commands and self.commands[0][0] <= tick:
+            self.drive.command(*self.commands.popleft()[1:])
+
+    def turn(self, engine: Engine, speeds: tuple[float, float]) -> None:
+        """Sets the speeds of the left and the right wheels [rad/s]."""
+        side = len(self.parts) // 2
+        each = (speeds[0],) * side + (speeds[1],) * side
+        engine.turn(self.handle, self.parts, each, (self.torque,) * len(self.parts))
+
+    def angles(self, engine: Engine) -> tuple[float, float]:
+        """Returns the mean rotation of the left and of the right wheels [rad]."""
+        states = engine.joints(self.handle, self.parts)
+        if len(states) == 2:
+            return states[0][0], states[1][0]
+        turned = [angle for angle, _ in states]
+        side = len(turned) // 2
+        return sum(turned[:side]) / side, sum(turned[side:]) / side
+
+    def reset(self) -> None:
+        """Stops the wheels, clears pending commands, and resets the odometry to the origin."""
+        self.commands.clear()
+        self.drive.reset()
+        self.before = Odometry()
+
+
+@dataclass(frozen=True, slots=True)
+class Mounted:
+    """A ray sensor mounted on a robot."""
+
+    device: LaserSensor | SonarSensor  #: the sensor's configuration
+    laser: Laser  #: casts the beams
+    part: int  #: index of the body's part that carries it
+    pose: Pose  #: pose in that part
+
+
+@dataclass(slots=True)
+class Mover:
+    """Moves a base in the plane, in any direction."""
+
+    config: PlanarMove  #: topics and frames
+    #: pending commands: tick, velocity ahead and to the left [m/s], turn rate [rad/s]
+    commands: deque[tuple[int, float, float, float]] = field(
+        default_factory=lambda: deque(maxlen=COMMANDS_KEPT)
+    )
+    motion: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: the command in force
+
+    def command(self, tick: int, ahead: float, left: float, turn: float) -> None:
+        """Queues a motion received at ``tick``; thread-safe. Raises CommandError."""
+        check_motion(math.hypot(ahead, left), turn)
+        self.commands.append((tick, ahead, left, turn))
+
+    def obey(self, tick: int, rotation: Quaternion, fall: float) -> Velocity | None:
+        """Returns the world velocity for the step that begins at ``tick``; None to stand still.
+
+        Args:
+            tick: the current tick.
+            rotation: of the base.
+            fall: its vertical velocity [m/s], which is kept.
+        """
+        while self.commands and self.commands[0][0] <= tick:
+            self.motion = self.commands.popleft()[1:]
+        if self.motion == (0.0, 0.0, 0.0):
+            return None
+        ahead, left, turn = self.motion
+        yaw = heading(rotation)
+        c, s = math.cos(yaw), math.sin(yaw)
+        return Velocity((c * ahead - s * left, s * ahead + c * left, fall), (0.0, 0.0, turn))
+
+    def reset(self) -> None:
+        """Clears all commands."""
+        self.commands.clear()
+        self.motion = (0.0, 0.0, 0.0)
+
+
+@dataclass(slots=True, eq=False)
+class Entity:
+    """A body in the engine with the simulator's data about it."""
+
+    name: str  #: name of the model
+    namespace: str  #: namespace of its topics, without leading and trailing slashes; empty for none
+    body: Body  #: the body passed to the engine
+    handle: int  #: handle of the body in the engine
+    initial: Pose  #: spawn pose, restored by a reset
+    robot: Robot | None = (
+        None  #: the robot's description; None for a model without sensors and plugins
+    )
+    drives: list[Driven] = field(default_factory=list)
+    movers: list[Mover] = field(default_factory=list)
+    lasers: list[Mounted] = field(default_factory=list)
+    sonars: list[Mounted] = field(default_factory=list)
+    before: Pose = (
+        IDENTITY  #: pose before the last step; kept only if poses between steps are needed
+    )
+    after: Pose = IDENTITY  #: pose at tick `seen`
+    seen: int = 0  #: tick at which `after` was read
+    collisions: CollisionCounter = field(default_factory=CollisionCounter)
+    number: int = 0  #: row in the array of moving entities
+    at_rest: bool = False  #: whether the engine may put it to sleep
+    script: Script | None = (
+        None  #: script that moves it instead of physics; None for ordinary bodies
+    )
+    began: int = 0  #: tick at which its script began
+    motion: Velocity = STILL  #: velocity given by its script in the last step
+    #: outline of its base for lasers; parts that move relative to the base are `Swinging`
+    outline: Body = field(init=False)
+
+    def touch_name(self, part: int) -> str:
+        """Returns ``model::part::collision`` of a part's first shape."""
+        touches = self.body.parts[part].touches
+        return f"{self.name}::{self.body.parts[part].name}::{touches[0].collision.name if touches else ''}"
+
+    def driven(self, config: DiffDrive) -> Driven:
+        """Returns the drive with that configuration."""
+        return next(one for one in self.drives if one.drive.config is config)
+
+    def mounted(self, device: LaserSensor | SonarSensor) -> Mounted:
+        """Returns the beams of a sensor."""
+        return next(one for one in (*self.lasers, *self.sonars) if one.device is device)
+
+    def __post_init__(self) -> None:
+        """Sets the outline: lasers see robots with all joints at 0, but of other models only the base."""
+        self.outline = (
+            self.body if self.robot is not None else Body(self.body.name, self.body.parts[:1])
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Swinging:
+    """A jointed part of a world's model, with the outline that lasers see, in the part's frame."""
+
+    entity: Entity
+    part: int
+    outline: Body
+
+
+def swinging_parts(entity: Entity) -> list[Swinging]:
+    """Returns the parts of an entity that lasers see separately from its base; none for a robot."""
+    if entity.robot is not None:
+        return []
+    return [
+        Swinging(entity, number, Body(part.name, (replace(part, parent=-1, joint=None),)))
+        for number, part in enumerate(entity.body.parts)
+        if number and part.touches
+    ]
+
+
+def equip(entity: Entity, seed: int, error: float, scale: float) -> None:
+    """Adds the drives and ray sensors of an entity's robot, if it is one.
+
+    Args:
+        entity: the entity.
+        seed: of the sensors' noise and the errors in the wheel diameters assumed by odometry.
+        error: standard deviation of these errors, relative to the diameter.
+        scale: mean ratio of assumed to true diameter.
+    """
+    if (robot := entity.robot) is None:
+        return
+    body = entity.body
+    frames = body.frames()
+
+    def driven(config: DiffDrive) -> Driven:
+        errors = (
+            generator_for(seed, entity.name, config.name, "odometry").standard_normal(2) * error
+        )
+        drive = Drive(config, *(scale * (1.0 + float(error)) for error in errors))
+        left, right = (tuple(body.joint_index(joint) for joint in side) for side in config.joints())
+        is_left_right = frames[left[0]].position[1] < frames[right[0]].position[1]
+        is_swapped = config.legacyMode == "true" or (not config.legacyMode and is_left_right)
+        return Driven(
+            drive, right + left if is_swapped else left + right, config.wheelTorque, entity.handle
+        )
+
+    def mounted(device: LaserSensor | SonarSensor) -> Mounted:
+        part, at = body.part_of(device.link)
+        config = laser_of_sonar(device) if isinstance(device, SonarSensor) else device
+        laser = Laser(config, generator_for(seed, entity.name, config.name))
+        return Mounted(device, laser, part, at.compose(device.pose))
+
+    entity.drives = [driven(config) for config in robot.drives]
+    entity.movers = [Mover(config) for config in robot.of(PlanarMove)]
+    entity.lasers = [mounted(config) for config in robot.lasers]
+    entity.sonars = [mounted(config) for config in robot.sonars]
+
+
+def control(engine: Engine, entity: Entity, tick: int, step: float) -> None:
+    """Applies the commands an entity received by ``tick`` for the next ``step`` [s]."""
+    for driven in entity.drives:
+        driven.obey(tick)
+    speeds = [driven.drive.wheel_speeds(step) for driven in entity.drives]
+    at_rest = all(driven.drive.at_rest for driven in entity.drives)
+    if entity.movers:
+        at_rest = _move(engine, entity, tick) and at_rest
+    if at_rest != entity.at_rest:
+        entity.at_rest = at_rest
+        engine.rest(entity.handle, at_rest)
+    for driven, wanted in zip(entity.drives, speeds, strict=True):
+        if wanted is not None:
+            driven.turn(engine, wanted)
+
+
+def _move(engine: Engine, entity: Entity, tick: int) -> bool:
+    """Moves a base in the plane; returns whether it is to stand still."""
+    fall = engine.velocity(entity.handle).linear[2]
+    rotation = engine.pose(entity.handle).rotation
+    motions = [mover.obey(tick, rotation, fall) for mover in entity.movers]
+    motion = next((one for one in motions if one is not None), None)
+    if motion is not None or not entity.at_rest:
+        engine.set_velocity(entity.handle, motion or Velocity((0.0, 0.0, fall)))
+    return motion is None

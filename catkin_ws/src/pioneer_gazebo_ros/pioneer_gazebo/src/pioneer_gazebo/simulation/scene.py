@@ -1,0 +1,124 @@
+"""The scene for lasers: sections of the static world by height, outlines of moving bodies, and poses at one tick."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pioneer_gazebo.body.body import Body
+from pioneer_gazebo.laser.laser import Movers, WallIndex
+from pioneer_gazebo.laser.laser_kernel import Sensor
+from pioneer_gazebo.simulation.entity import Entity, Mounted, Swinging, swinging_parts
+from pioneer_gazebo.world.model import PlacedCollision
+from pioneer_gazebo.world.pose import Pose, heading
+from pioneer_gazebo.world.section import Section, Triangles, section_of
+
+LAYER = 0.02
+"""Heights are rounded to this [m], so that lasers of similar height share a section."""
+
+SECTIONS_AT_MOST = 16
+
+
+Seen = tuple[Body, float]
+"""A body seen by lasers, and the height [m] of its base frame."""
+
+
+class Scene:
+    """The world as seen by lasers; caches sections and outlines while they are valid."""
+
+    def __init__(self, triangles: Triangles) -> None:
+        """Takes the function that reads meshes."""
+        self._triangles = triangles
+        self._standing: Sequence[PlacedCollision] = ()
+        self._walls: dict[int, WallIndex] = {}
+        self._movers: dict[int, tuple[tuple[tuple[int, int], ...], Movers]] = {}
+        self._outlines: dict[tuple[int, int], NDArray[np.float64]] = {}
+        self._poses: NDArray[np.float64] = np.empty((0, 3))
+        self.tick = -1  #: the tick of the poses; -1 if they are out of date
+        self.swinging: list[Swinging] = []  #: parts of all models that lasers see separately
+
+    def set_standing(self, standing: Sequence[PlacedCollision]) -> None:
+        """Replaces the static world."""
+        self._standing = standing
+        self._walls.clear()
+
+    def _walls_at(self, layer: int) -> WallIndex:
+        found = self._walls.get(layer)
+        if found is None:
+            if len(self._walls) >= SECTIONS_AT_MOST:
+                self._walls.clear()
+            found = self._walls[layer] = WallIndex(
+                Section.joined(
+                    section_of(one.collision.shape, one.pose, layer * LAYER, self._triangles)
+                    for one in self._standing
+                )
+            )
+        return found
+
+    def _movers_at(self, layer: int, seen: Sequence[Seen]) -> Movers:
+        """Returns the outlines in a layer of all bodies, each in its base frame, with joints at 0 and a level base."""
+        keys = tuple((id(body), layer - round(base / LAYER)) for body, base in seen)
+        known = self._movers.get(layer)
+        if known is not None and known[0] == keys:
+            return known[1]
+        for (body, _), key in zip(seen, keys, strict=True):
+            if key not in self._outlines:
+                self._outlines[key] = outline_of(body, key[1] * LAYER, self._triangles)
+        movers = Movers([self._outlines[key] for key in keys])
+        if len(self._movers) >= SECTIONS_AT_MOST:
+            self._movers.clear()
+        self._movers[layer] = keys, movers
+        return movers
+
+    def add(self, entity: Entity) -> None:
+        """Makes an entity visible to all lasers."""
+        self.swinging += swinging_parts(entity)
+        self.outdate()
+
+    def remove(self, entity: Entity) -> None:
+        """Removes an entity."""
+        gone = {
+            id(entity.outline),
+            *(id(one.outline) for one in self.swinging if one.entity is entity),
+        }
+        self._movers.clear()
+        self._outlines = {
+            key: outline for key, outline in self._outlines.items() if key[0] not in gone
+        }
+        self.swinging = [one for one in self.swinging if one.entity is not entity]
+        self.outdate()
+
+    def outdate(self) -> None:
+        """Discards the poses after something was moved externally."""
+        self.tick = -1
+
+    def update(self, tick: int, poses: Iterable[Pose]) -> None:
+        """Sets the poses at a tick: of all entities, then of all swinging parts."""
+        rows = [(*pose.position[:2], heading(pose.rotation)) for pose in poses]
+        self.tick, self._poses = tick, np.array(rows).reshape(-1, 3)
+
+    def ranges(
+        self, sensor: Pose, mounted: Mounted, own: int, seen: Sequence[Seen]
+    ) -> NDArray[np.float64]:
+        """Returns a scan's ranges [m]; the array is overwritten by the laser's next scan.
+
+        Args:
+            sensor: pose in the world.
+            mounted: the ray sensor.
+            own: row of the entity that carries it.
+            seen: outline and height [m] of each row.
+        """
+        x, y, height = sensor.position
+        layer = round(height / LAYER)
+        around = (self._walls_at(layer), self._movers_at(layer, seen), self._poses)
+        return mounted.laser.ranges(*around, own, Sensor(x, y, heading(sensor.rotation)))
+
+
+def outline_of(body: Body, height: float, triangles: Triangles) -> NDArray[np.float64]:
+    """Returns segments (n, 4) [m] where the plane z = ``height`` of the base frame cuts the body's shapes."""
+    sections = [
+        section_of(touch.collision.shape, pose, height, triangles)
+        for touch, pose in body.placed()
+        if not touch.rolling
+    ]
+    return Section.joined(sections).as_segments()

@@ -1,0 +1,434 @@
+"""The running simulation: bodies, drives, lasers and collisions, on top of a physics engine.
+
+Time is counted in ticks (see `schedule`). A physics step takes several ticks. States at a tick between two steps are
+interpolated, so that sensors can have any rate. The engine may therefore be ahead of the current tick by less than a
+step, and commands take effect from the next step on.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pioneer_gazebo.body.body import Body, body_from_model, body_from_robot
+from pioneer_gazebo.error import ModelError, SimulatorError
+from pioneer_gazebo.laser.laser import generator_for
+from pioneer_gazebo.physics import bound
+from pioneer_gazebo.physics.engine import STILL, Contact, Engine, Physics, Velocity
+from pioneer_gazebo.simulation.actor import Actors, Wrench, Wrenches
+from pioneer_gazebo.simulation.drive import Odometry
+from pioneer_gazebo.simulation.entity import (
+    CollisionCounter,
+    Driven,
+    Entity,
+    Mounted,
+    control,
+    equip,
+)
+from pioneer_gazebo.simulation.scene import Scene
+from pioneer_gazebo.simulation.schedule import TICK_RATE, period_of
+from pioneer_gazebo.simulation.spot import added
+from pioneer_gazebo.simulation.standing import Standing
+from pioneer_gazebo.world.model import Model, World
+from pioneer_gazebo.world.pose import Pose, between
+from pioneer_gazebo.world.robot import Robot
+from pioneer_gazebo.world.section import Triangles
+
+LONGEST_NAME = 200
+"""Maximum length of a model name [characters]."""
+
+
+class Simulation:
+    """The simulation. Used from one thread."""
+
+    def __init__(
+        self, engine: Engine, triangles: Triangles, physics: Physics, seed: int = 0,
+        odometry_error: float = 0.0, odometry_scale: float = 1.0,
+    ) -> None:  # fmt: skip
+        """Starts an empty world at tick 0.
+
+        Args:
+            engine: the physics engine.
+            triangles: reads meshes.
+            physics: engine settings; the step must be an integer number of ticks.
+            seed: of all noise.
+            odometry_error: standard deviation of the wheel diameters assumed by odometry, relative to the diameter.
+            odometry_scale: mean ratio of assumed to true wheel diameter.
+        """
+        self._engine = engine
+        self._triangles = triangles
+        self._scene = Scene(triangles)
+        self._seed, self._odometry_error, self._odometry_scale = (
+            seed,
+            odometry_error,
+            odometry_scale,
+        )
+        self._entities: dict[str, Entity] = {}
+        self._by_handle: dict[int, Entity] = {}
+        self._standing = Standing(engine, self._scene, triangles)
+        self._actors = Actors(engine)
+        self._wrenches = Wrenches(engine)
+        self._collided: list[Entity] = []
+        self._lost: dict[str, Pose] = {}
+        self.spawn_search = 0.5  # maximum shift [m] of a robot that would overlap something static
+        self.tick = self._stepped = self._inspected = 0
+        self._part = 1.0
+        self._period = 1
+        self.physics = physics
+        self.configure(physics)
+
+    def configure(self, physics: Physics) -> None:
+        """Applies new engine settings.
+
+        Raises:
+            RateError: the step is not an integer number of ticks.
+            BoundError: gravity or solver iterations out of bounds.
+        """
+        bound.check_physics(physics)
+        self._period = period_of(
+            1.0 / physics.step if physics.step > 0 else 0.0, "the physics step"
+        )
+        self.physics = physics
+        self._engine.configure(physics)
+
+    def load(self, world: World) -> None:
+        """Adds all models of a world.
+
+        Raises:
+            SimulatorError: a model cannot be created.
+        """
+        self._standing.add(*(model for model in world.models if model.static))
+        for model in world.models:
+            if not model.static:
+                self.add_model(model, anywhere=True)
+
+    # Models.
+
+    def names(self) -> list[str]:
+        """Returns the names of all models."""
+        return [*self._standing.models, *self._entities]
+
+    def entities(self) -> Iterator[Entity]:
+        """Yields all moving entities in the order of spawning."""
+        yield from self._entities.values()
+
+    def entity(self, name: str) -> Entity:
+        """Returns the moving entity of that name.
+
+        Raises:
+            ModelError: there is none.
+        """
+        found = self._entities.get(name)
+        if found is None:
+            raise ModelError(
+                f"model {name} {'is static' if name in self._standing.models else 'does not exist'}"
+            )
+        return found
+
+    @property
+    def standing(self) -> Mapping[str, Model]:
+        """The static models by name."""
+        return self._standing.models
+
+    def add_model(self, model: Model, namespace: str = "", anywhere: bool = False) -> None:
+        """Adds a model without sensors and plugins; ``anywhere`` allows overlaps, as for the models of a world file.
+
+        Raises:
+            ModelError: its name is taken, or it would overlap something.
+            EngineError: a shape cannot be created.
+        """
+        self._check_name(model.name)
+        if model.static:
+            self._standing.add(model)
+            return
+        if not model.links:
+            raise ModelError(f"model {model.name} has no links")
+        body = body_from_model(model, self._triangles)
+        namespace = namespace or model.namespace
+        if model.script is None:
+            robot = (
+                Robot(model.name, model.links, model.joints, model.devices)
+                if model.devices
+                else None
+            )
+            self._add(model.name, namespace, body, model.pose, robot, anywhere)
+            return
+        pose = model.script.pose(0.0)
+        entity = Entity(model.name, namespace, body, self._engine.add(body, pose), pose, after=pose)
+        self._actors.add(self._keep(entity), model.script, self._stepped)
+
+    def add_robot(self, name: str, namespace: str, robot: Robot, pose: Pose) -> Entity:
+        """Adds a robot with its root link at ``pose``.
+
+        Raises:
+            ModelError: its name is taken, or it would overlap something.
+            DescriptionError, CommandError, EngineError: its description cannot be simulated.
+        """
+        self._check_name(name)
+        body = body_from_robot(robot, self._triangles)
+        return self._add(name, namespace, body, pose, robot, anywhere=False)
+
+    def _check_name(self, name: str) -> None:
+        """Raises ModelError if the name is invalid or in use."""
+        if not name or len(name) > LONGEST_NAME:
+            raise ModelError(
+                f"a model's name needs 1 to {LONGEST_NAME} characters, this has {len(name)}"
+            )
+        if name in self._entities or name in self._standing.models:
+            raise ModelError(f"model {name} already exists")
+
+    def _add(
+        self, name: str, namespace: str, body: Body, pose: Pose, robot: Robot | None, anywhere: bool
+    ) -> Entity:
+        bound.check_body(body)
+        bound.check_pose(pose)
+        search = self.spawn_search if robot is not None else 0.0
+        found = added(self._engine, body, pose, self._triangles, anywhere, search)
+        if isinstance(found, Contact):
+            x, y, _ = pose.position
+            inside = self.touched_name(found)
+            raise ModelError(
+                f"model {name} at ({x:.2f}, {y:.2f}) would overlap {inside} by {found.depth:.2f} m"
+            )
+        handle, pose = found
+        entity = self._keep(Entity(name, namespace, body, handle, pose, robot, after=pose))
+        try:
+            equip(entity, self._seed, self._odometry_error, self._odometry_scale)
+        except SimulatorError:
+            self.remove(name)
+            raise
+        for driven in entity.drives:
+            driven.turn(self._engine, (0.0, 0.0))
+        return entity
+
+    def _keep(self, entity: Entity) -> Entity:
+        entity.before, entity.seen = entity.after, self._stepped
+        entity.number = len(self._entities)
+        self._entities[entity.name] = self._by_handle[entity.handle] = entity
+        self._scene.add(entity)
+        return entity
+
+    def remove(self, name: str) -> None:
+        """Removes a model.
+
+        Raises:
+            ModelError: there is no model of that name.
+        """
+        if name in self._standing.models:
+            self._standing.remove(name)
+            return
+        entity = self.entity(name)
+        self._engine.remove(entity.handle)
+        self._scene.remove(entity)
+        del self._entities[name], self._by_handle[entity.handle]
+        for number, other in enumerate(self._entities.values()):
+            other.number = number
+        self._lost.pop(name, None)
+        self._actors.remove(entity)
+        self._wrenches.clear(entity)
+        self._collided = [one for one in self._collided if one is not entity]
+
+    # Time.
+
+    def advance(self, tick: int) -> None:
+        """Advances to ``tick`` in as many physics steps as necessary."""
+        while self._stepped < tick:
+            if tick < self._stepped + self._period:
+                for entity in self._entities.values():
+                    entity.before = self._settled(entity)
+            self._step()
+        self.tick = tick
+        self._part = 1.0 - (self._stepped - tick) / self._period
+
+    def _step(self) -> None:
+        step = self.physics.step
+        self._wrenches.push(self._stepped)
+        for entity in self._entities.values():
+            control(self._engine, entity, self._stepped, step)
+        self._actors.lead(self._stepped + self._period, step)
+        self._engine.step()
+        self._stepped += self._period
+        for entity in self._entities.values():
+            for driven in entity.drives:
+                driven.before = driven.drive.odometry
+                driven.drive.measure(*driven.angles(self._engine), step)
+        self._actors.follow(self._stepped)
+        time = self._stepped / TICK_RATE
+        for handle in sorted(self._engine.touching()):
+            entity = self._by_handle[handle]
+            if entity.collisions.touched(time):
+                self._collided.append(entity)
+
+    def collided(self) -> list[Entity]:
+        """Returns the entities that started to touch something since the last call."""
+        collided, self._collided = self._collided, []
+        return collided
+
+    # States at the current tick.
+
+    def _settled(self, entity: Entity) -> Pose:
+        """Returns the pose of the base frame after the last step, querying the engine once per step."""
+        if entity.seen != self._stepped:
+            pose = self._engine.pose(entity.handle)
+            if bound.is_sound(pose):
+                entity.after = pose
+            else:
+                self._lost[entity.name] = pose
+            entity.seen = self._stepped
+        return entity.after
+
+    def lost(self) -> list[str]:
+        """Returns the names of models that have left the world's bounds or whose state is not finite."""
+        if self._stepped - self._inspected >= TICK_RATE:
+            self._inspected = self._stepped
+            for entity in self._entities.values():
+                self._settled(entity)
+        return list(self._lost)
+
+    def pose(self, entity: Entity) -> Pose:
+        """Returns the pose of the base frame."""
+        after = self._settled(entity)
+        return after if self._part >= 1.0 else between(entity.before, after, self._part)
+
+    def link_pose(self, entity: Entity, link: str) -> Pose:
+        """Returns the pose of a link's frame.
+
+        Raises:
+            KeyError: there is no such link.
+        """
+        part, at = entity.body.part_of(link)
+        return (self.pose(entity) if part == 0 else self._engine.pose(entity.handle, part)).compose(
+            at
+        )
+
+    def part_poses(self, entity: Entity) -> list[Pose]:
+        """Returns the pose of each part's frame."""
+        return [
+            self._engine.pose(entity.handle, number) if number else self.pose(entity)
+            for number in range(len(entity.body.parts))
+        ]
+
+    def velocity(self, entity: Entity, part: int = 0) -> Velocity:
+        """Returns the velocity of a part's frame after the last step."""
+        if entity.script is not None:
+            return entity.motion
+        return self._engine.velocity(entity.handle, part)
+
+    def odometry(self, driven: Driven) -> Odometry:
+        """Returns the wheel odometry."""
+        now = driven.drive.odometry
+        return now if self._part >= 1.0 else driven.before.towards(now, self._part)
+
+    def joints(self, entity: Entity, parts: Sequence[int]) -> list[tuple[float, float]]:
+        """Returns position and speed of the joints that move ``parts``, after the last step."""
+        return self._engine.joints(entity.handle, parts)
+
+    def efforts(self, entity: Entity, parts: Sequence[int]) -> list[float]:
+        """Returns the efforts applied in the last step by the motors of the joints that move ``parts`` [N m or N]."""
+        return self._engine.efforts(entity.handle, parts)
+
+    def contacts(self, entity: Entity) -> list[Contact]:
+        """Returns the entity's contacts, except those that support it."""
+        return self._engine.contacts(entity.handle)
+
+    def touched_name(self, contact: Contact) -> str:
+        """Returns ``model::link::collision`` of the other side of a contact."""
+        if contact.other is not None:
+            return self._by_handle[contact.other].touch_name(contact.other_part)
+        return self._standing.name_at(contact.position)
+
+    def ranges(self, entity: Entity, mounted: Mounted) -> NDArray[np.float64]:
+        """Returns a scan's ranges [m]; the array is overwritten by the laser's next scan."""
+        base = (
+            self.pose(entity)
+            if mounted.part == 0
+            else self._engine.pose(entity.handle, mounted.part)
+        )
+        swinging = [
+            (one, self._engine.pose(one.entity.handle, one.part)) for one in self._scene.swinging
+        ]
+        seen = [
+            (other.outline, self._settled(other).position[2]) for other in self._entities.values()
+        ]
+        seen += [(one.outline, pose.position[2]) for one, pose in swinging]
+        if self._scene.tick != self.tick:
+            poses = [self.pose(other) for other in self._entities.values()]
+            self._scene.update(self.tick, [*poses, *(pose for _, pose in swinging)])
+        return self._scene.ranges(base.compose(mounted.pose), mounted, entity.number, seen)
+
+    def distance(self, entity: Entity, mounted: Mounted) -> float:
+        """Returns a sonar's reading [m]: the distance to the nearest hit in its cone, within its limits."""
+        nearest = float(self.ranges(entity, mounted).min())
+        return min(max(nearest, mounted.device.min_range), mounted.device.max_range)
+
+    # Actions.
+
+    def place(self, name: str, pose: Pose, velocity: Velocity | None = None) -> None:
+        """Moves a model instantly; if ``velocity`` is None, it keeps its velocity.
+
+        Raises:
+            ModelError: there is no model of that name, or it follows a script.
+            BoundError: a value is out of bounds.
+        """
+        bound.check_pose(pose)
+        bound.check_velocity(velocity or STILL)
+        if name in self._standing.models:
+            self._standing.place(name, pose)
+            return
+        entity = self.entity(name)
+        if entity.script is not None:
+            raise ModelError(f"model {name} follows its script and cannot be placed")
+        self._engine.set_pose(entity.handle, pose)
+        if velocity is not None:
+            self._engine.set_velocity(entity.handle, velocity)
+        entity.before, entity.after, entity.seen = pose, pose, self._stepped
+        self._scene.outdate()
+
+    def set_joint(self, entity: Entity, joint: str, position: float) -> None:
+        """Sets a joint to a position [rad or m], at rest.
+
+        Raises:
+            KeyError: there is no such joint, or it is fixed.
+        """
+        bound.check("joint position", (position,), bound.FARTHEST, "")
+        self._engine.set_joint(entity.handle, entity.body.joint_index(joint), position)
+
+    def push(self, wrench: Wrench) -> None:
+        """Applies a wrench for its duration; raises BoundError if it is out of bounds."""
+        bound.check_wrench(wrench.force, wrench.torque, wrench.point)
+        self._wrenches.add(wrench)
+
+    def clear_pushes(self, entity: Entity, part: int) -> None:
+        """Ends all wrenches on a part."""
+        self._wrenches.clear(entity, part)
+
+    def reset_poses(self) -> None:
+        """Returns every model to its initial pose, at rest, with odometry at the origin. Time continues."""
+        self._standing.reset()
+        self._wrenches.clear()
+        self._actors.restart(self._stepped)
+        self._scene.outdate()
+        for entity in (one for one in self._entities.values() if one.script is None):
+            self.place(entity.name, entity.initial, STILL)
+            for part, one in enumerate(entity.body.parts):
+                if one.joint is not None:
+                    self._engine.set_joint(entity.handle, part, 0.0)
+            for driven in entity.drives:
+                driven.reset()
+                driven.turn(self._engine, (0.0, 0.0))
+            for mover in entity.movers:
+                mover.reset()
+
+    def reset(self) -> None:
+        """Does `reset_poses`, and resets time, noise and collision counts."""
+        self.tick = self._stepped = self._inspected = 0
+        self.reset_poses()
+        self._part = 1.0
+        self._collided.clear()
+        for entity in self._entities.values():
+            entity.seen = 0
+            entity.collisions = CollisionCounter()
+            for mounted in (*entity.lasers, *entity.sonars):
+                mounted.laser.reseed(
+                    generator_for(self._seed, entity.name, mounted.laser.config.name)
+                )

@@ -1,0 +1,110 @@
+"""States of models and links by their Gazebo names, ``model`` and ``model::link``."""
+
+from pioneer_gazebo.error import ModelError
+from pioneer_gazebo.physics.engine import STILL, Velocity
+from pioneer_gazebo.simulation.entity import Entity
+from pioneer_gazebo.simulation.simulation import Simulation
+from pioneer_gazebo.world.pose import IDENTITY, Pose, added, opposite, rotated
+
+WORLD_NAMES = ("", "world", "map", "/map", "/world")
+
+
+def split_name(name: str) -> tuple[str, str]:
+    """Splits ``model::link`` into model and link; the link is empty if only a model is named."""
+    model, _, link = name.partition("::")
+    return model, link
+
+
+def links_of(simulation: Simulation, model: str) -> list[str]:
+    """Returns the names of a model's links.
+
+    Raises:
+        ModelError: there is no such model.
+    """
+    standing = simulation.standing.get(model)
+    if standing is not None:
+        return [link.name for link in standing.links]
+    return [name for part in simulation.entity(model).body.parts for name, _ in part.frames]
+
+
+def link_motion(simulation: Simulation, model: str, link: str = "") -> tuple[Pose, Velocity]:
+    """Returns pose and velocity of a link, or of the model itself without ``link``, in the world.
+
+    Raises:
+        ModelError: there is no such model or link.
+    """
+    standing = simulation.standing.get(model)
+    if standing is not None:
+        if not link:
+            return standing.pose, STILL
+        for one in standing.links:
+            if one.name == link:
+                return standing.pose.compose(one.pose), STILL
+        raise ModelError(f"model {model} has no link {link}")
+    entity = simulation.entity(model)
+    if not link:
+        return simulation.pose(entity), simulation.velocity(entity)
+    part, at = part_of(entity, link)
+    pose = simulation.link_pose(entity, link)
+    arm = rotated(pose.compose(at.inverse()).rotation, at.position)
+    return pose, simulation.velocity(entity, part).at(arm)
+
+
+def part_of(entity: Entity, link: str) -> tuple[int, Pose]:
+    """Returns the part that contains a link, and the link's pose in it.
+
+    Raises:
+        ModelError: there is no such link.
+    """
+    try:
+        return entity.body.part_of(link)
+    except KeyError:
+        raise ModelError(f"model {entity.name} has no link {link}") from None
+
+
+def motion(simulation: Simulation, name: str) -> tuple[Pose, Velocity]:
+    """Returns pose and velocity of a model, of a link (``model::link``), or of the world itself.
+
+    Raises:
+        ModelError: there is no model or link of that name.
+    """
+    if name in WORLD_NAMES:
+        return IDENTITY, STILL
+    return link_motion(simulation, *split_name(name))
+
+
+def relative(simulation: Simulation, name: str, reference: str) -> tuple[Pose, Velocity]:
+    """Returns pose and velocity of ``name`` relative to ``reference``.
+
+    Raises:
+        ModelError: there is no model or link of either name.
+    """
+    pose, velocity = motion(simulation, name)
+    base, base_velocity = motion(simulation, reference)
+    linear = added(velocity.linear, opposite(base_velocity.linear))
+    angular = added(velocity.angular, opposite(base_velocity.angular))
+    return base.inverse().compose(pose), Velocity(linear, angular).seen_from(base.rotation)
+
+
+def place(
+    simulation: Simulation, name: str, pose: Pose, velocity: Velocity, reference: str
+) -> None:
+    """Moves a model so that it, or its link, has this pose and velocity relative to ``reference``.
+
+    Raises:
+        ModelError: there is no model or link of either name.
+    """
+    model, link = split_name(name)
+    base, _ = motion(simulation, reference)
+    wanted = base.compose(pose)
+    if link:
+        link_from_model = (
+            link_motion(simulation, model, link)[0]
+            .inverse()
+            .compose(link_motion(simulation, model)[0])
+        )
+        wanted = wanted.compose(link_from_model)
+    turned = Velocity(
+        rotated(base.rotation, velocity.linear), rotated(base.rotation, velocity.angular)
+    )
+    simulation.place(model, wanted, turned)

@@ -1,0 +1,1 @@
+"""Topics of robots: one module a kind of device, and the robots that carry them."""

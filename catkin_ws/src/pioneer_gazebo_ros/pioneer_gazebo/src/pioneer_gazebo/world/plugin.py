@@ -1,0 +1,229 @@
+"""Reads model plugins, with the names and elements used by gazebo_ros."""
+
+import dataclasses
+import difflib
+import typing
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, TypeVar
+
+from pioneer_gazebo.world.element import Element, Notes
+from pioneer_gazebo.world.robot import (
+    BaseDriver,
+    Device,
+    DiffDrive,
+    Gps,
+    GroundTruth,
+    Imu,
+    JointStatePublisher,
+    PlanarMove,
+    RosControl,
+)
+
+Config = TypeVar("Config")
+
+QUIET = {"alwaysOn", "always_on", "rosDebugLevel", "robotNamespace", "robotParam", "robotSimType"}
+"""Plugin elements that are read elsewhere or have no effect here."""
+
+ALIASES = {"torque": "wheelTorque", "jointNames": "jointName"}
+"""Spellings used by other releases of the plugins."""
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """The link and joint names that a robot's plugins and sensors may refer to."""
+
+    links: Collection[str]
+    joints: Collection[str]
+
+    def check(self, element: Element, kind: str, name: str) -> None:
+        """Raises DescriptionError if the robot has no such link or joint (``kind``)."""
+        names = {"link": self.links, "joint": self.joints}[kind]
+        if name not in names:
+            near = difflib.get_close_matches(name, names, n=1)
+            raise element.error(
+                f"unknown {kind} {name!r}" + (f"; did you mean {near[0]!r}?" if near else "")
+            )
+
+
+def note_unread(plugin: Element, read: Collection[str], notes: Notes) -> None:
+    """Adds a note for every element of a plugin that is not in ``read``."""
+    for child in plugin.children():
+        if child.tag not in QUIET and child.tag not in read:
+            notes.add(
+                f"<{child.tag}> of plugin lib{library_of(plugin)}.so is not supported and ignored"
+            )
+
+
+def library_of(plugin: Element) -> str:
+    """Returns the library's name without folder, ``lib`` and ``.so``."""
+    return plugin.attribute("filename").rpartition("/")[2].removeprefix("lib").removesuffix(".so")
+
+
+def filled(
+    config: type[Config], element: Element, notes: Notes, known: Collection[str] = (), **given: Any
+) -> Config:
+    """Returns a ``config`` filled from the plugin's name, the child elements named like its fields, and ``given``.
+
+    Args:
+        config: the class.
+        element: the plugin.
+        notes: receives a note for each child that is neither a field nor in ``known``.
+        known: tags that the caller reads, or that have no effect.
+        **given: further fields.
+
+    Raises:
+        DescriptionError: a value is invalid.
+    """
+    hints = typing.get_type_hints(config)
+    given["name"] = element.attribute("name", library_of(element))
+    for child in element.children():
+        tag = ALIASES.get(child.tag, child.tag)
+        if tag in hints:
+            given[tag] = _READERS[hints[tag]](child)
+        elif tag not in QUIET and tag not in known:
+            near = difflib.get_close_matches(tag, hints, n=1)
+            hint = f"; did you mean <{near[0]}>?" if near else ""
+            notes.add(
+                f"<{tag}> of plugin lib{library_of(element)}.so is not supported and ignored{hint}"
+            )
+    return config(**given)
+
+
+def _read_names(element: Element) -> tuple[str, ...]:
+    return tuple(element.text.replace(",", " ").split())
+
+
+_READERS: dict[Any, Callable[[Element], Any]] = {
+    str: lambda element: element.text,
+    float: lambda element: element.numbers(1)[0],
+    int: lambda element: int(element.numbers(1)[0]),
+    bool: Element.truth,
+    tuple[str, ...]: _read_names,
+    tuple[float, float, float]: Element.vector,
+}
+
+
+SIDES = ("left", "right")
+
+
+def read_plugin(element: Element, names: Names, notes: Notes) -> list[Device]:
+    """Returns the device of a ``<plugin>``; empty, with a note, if it is not supported.
+
+    Raises:
+        DescriptionError: a value is invalid, or the robot has no link or joint of a given name.
+    """
+    library = library_of(element)
+    reader = _PLUGINS.get(library)
+    if reader is None:
+        notes.add(f"plugin lib{library}.so is not supported and ignored")
+        return []
+    return [reader(element, names, notes)]
+
+
+def _plain(
+    kind: type[Any], element: Element, names: Names, notes: Notes, known: Collection[str] = ()
+) -> Any:
+    """Reads a plugin whose elements are the fields of ``kind``; checks the link and joints that it names."""
+    if "bodyName" in kind.__dataclass_fields__:
+        names.check(element, "link", element.needed("bodyName").text)
+    device = filled(kind, element, notes, known)
+    for joint in getattr(device, "jointName", ()):
+        names.check(element, "joint", joint)
+    return device
+
+
+def _drive(element: Element, names: Names, notes: Notes) -> DiffDrive:
+    return _checked_drive(element, names, filled(DiffDrive, element, notes))
+
+
+def _skid_steer(element: Element, names: Names, notes: Notes) -> DiffDrive:
+    """Reads a four-wheel skid-steer drive; as in gazebo_ros, its odometry is the true pose."""
+    joints: dict[str, Any] = {
+        f"{side}Joint": element.word(f"{side}FrontJoint", f"{side}FrontJoint") for side in SIDES
+    }
+    joints |= {f"{side}RearJoint": (f"{side}RearJoint",) for side in SIDES}
+    known = {
+        "leftFrontJoint",
+        "rightFrontJoint",
+        "broadcastTF",
+        "covariance_x",
+        "covariance_y",
+        "covariance_yaw",
+    }
+    drive = filled(DiffDrive, element, notes, known, **joints)
+    drive = dataclasses.replace(
+        drive, publishOdomTF=element.flag("broadcastTF", True), odometrySource="world"
+    )
+    return _checked_drive(element, names, drive)
+
+
+def _checked_drive(element: Element, names: Names, drive: DiffDrive) -> DiffDrive:
+    for side in drive.joints():
+        for joint in side:
+            names.check(element, "joint", joint)
+    if drive.legacyMode not in ("", "true", "false"):
+        drive = dataclasses.replace(drive, legacyMode=str(element.flag("legacyMode")).lower())
+    _check_positive(element, drive, "wheelSeparation", "wheelDiameter", "wheelTorque")
+    if drive.commandTimeout < 0:
+        raise element.error(f"commandTimeout must be >= 0 (got {drive.commandTimeout:g})")
+    source = {"0": "encoder", "1": "world"}.get(drive.odometrySource, drive.odometrySource)
+    if source not in ("encoder", "world"):
+        raise element.error(f"odometrySource must be encoder or world, not {source!r}")
+    return dataclasses.replace(drive, odometrySource=source)
+
+
+def _check_positive(element: Element, device: Device, *names: str) -> None:
+    for name in names:
+        if getattr(device, name) <= 0:
+            raise element.error(f"{name} must be above 0, not {getattr(device, name):g}")
+
+
+def _base_driver(element: Element, names: Names, notes: Notes) -> BaseDriver:
+    del names
+    base = filled(BaseDriver, element, notes)
+    _check_positive(
+        element, base, "updateRate", "capacity", "emptyVoltage", "resistance", "driveEfficiency"
+    )
+    for name in ("idlePower", "rollingResistance", "windingLoss", "initialCharge"):
+        if getattr(base, name) < 0:
+            raise element.error(f"{name} must not be below 0, not {getattr(base, name):g}")
+    if base.fullVoltage < base.emptyVoltage or base.initialCharge > 1 or base.driveEfficiency > 1:
+        raise element.error(
+            "fullVoltage must be emptyVoltage or more, initialCharge and driveEfficiency at most 1"
+        )
+    return base
+
+
+def _imu(element: Element, names: Names, notes: Notes) -> Imu:
+    return imu_of(element, element.needed("bodyName").text, names, notes)
+
+
+def imu_of(element: Element, link: str, names: Names | None, notes: Notes) -> Imu:
+    """Returns the IMU of a plugin, either of a model or of a sensor on ``link``."""
+    if names is not None:
+        names.check(element, "link", link)
+    frame = element.word("frameName", element.word("frameId", link))
+    rate = element.number("updateRateHZ", element.number("updateRate", 0.0))
+    given = {"bodyName": link, "frame": frame, "updateRate": rate}
+    known = {"frameName", "frameId", "updateRateHZ", "serviceName", "initialOrientationAsReference"}
+    return dataclasses.replace(
+        filled(Imu, element, notes, known, **given), bodyName=link, updateRate=rate
+    )
+
+
+_PLUGINS: dict[str, Callable[[Element, Names, Notes], Device]] = {
+    "gazebo_ros_diff_drive": _drive,
+    "gazebo_ros_skid_steer_drive": _skid_steer,
+    "gazebo_ros_planar_move": partial(_plain, PlanarMove),
+    "gazebo_ros_control": partial(
+        _plain, RosControl, known={"controlPeriod", "robotSimType", "legacyModeNS"}
+    ),
+    "gazebo_ros_imu": _imu,
+    "hector_gazebo_ros_imu": _imu,
+    "hector_gazebo_ros_gps": partial(_plain, Gps),
+    "gazebo_ros_p3d": partial(_plain, GroundTruth),
+    "gazebo_ros_joint_state_publisher": partial(_plain, JointStatePublisher),
+    "pioneer_base_driver": _base_driver,
+}

@@ -1,0 +1,343 @@
+"""Reads robots: URDF with gazebo_ros' ``<gazebo>`` elements, as on ``/robot_description``."""
+
+import dataclasses
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pioneer_gazebo.world import joint as kinds
+from pioneer_gazebo.world.element import Element, Notes
+from pioneer_gazebo.world.joint import Joint
+from pioneer_gazebo.world.model import (
+    Box,
+    Collision,
+    Colour,
+    Cylinder,
+    Inertia,
+    Link,
+    Mesh,
+    Shape,
+    Sphere,
+    Visual,
+)
+from pioneer_gazebo.world.plugin import Names, read_plugin
+from pioneer_gazebo.world.pose import IDENTITY, Pose
+from pioneer_gazebo.world.resource import file_of_uri
+from pioneer_gazebo.world.robot import Device, Robot
+from pioneer_gazebo.world.sdf_link import GREY, RADIUS_OF_GYRATION, colour_of_material
+from pioneer_gazebo.world.sensor import read_sensor
+
+KINDS = (kinds.FIXED, kinds.CONTINUOUS, kinds.REVOLUTE, kinds.PRISMATIC, kinds.FLOATING)
+ROBOT_QUIET = {"material", "link", "joint", "gazebo", "transmission"}
+XACRO = "{http://www.ros.org/wiki/xacro}"
+SURFACE_QUIET = {
+    "mu2",
+    "kp",
+    "kd",
+    "fdir1",
+    "minDepth",
+    "maxVel",
+    "maxContacts",
+    "selfCollide",
+    "laserRetro",
+}
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The surface properties of a link in ``<gazebo reference=LINK>``."""
+
+    friction: float = 1.0
+    colour: Colour | None = None
+
+
+@dataclass
+class Extensions:
+    """Everything in a robot's ``<gazebo>`` elements."""
+
+    surfaces: dict[str, Surface] = field(default_factory=dict)
+    devices: list[Device] = field(default_factory=list)
+    static: bool = False
+    namespace: str = ""
+
+
+def robot_from_urdf(text: str | bytes, source: str = "robot_description") -> Robot:
+    """Returns the robot in URDF text (xacro expanded).
+
+    A link without ``<inertial>`` has mass 0: it is only a frame. Friction comes from ``<gazebo reference=LINK><mu1>``.
+
+    Args:
+        text: the XML.
+        source: its name in error messages.
+
+    Raises:
+        DescriptionError: the XML is malformed, a value is invalid, a joint or plugin refers to an unknown name, or the
+            links do not form a single tree.
+    """
+    notes = Notes()
+    root = Element.from_text(text, source, notes)
+    if root.tag != "robot":
+        raise root.error("is not URDF: the root element must be <robot>")
+    for child in root.children():
+        if child.tag.startswith(XACRO):
+            raise child.error("is xacro: expand it first (xacro FILE)")
+        if child.tag not in ROBOT_QUIET:
+            notes.add(f"<{child.tag}> in <robot> is not supported and left out")
+    materials = {m.attribute("name"): _rgba(m) for m in root.children("material")}
+    extensions = read_extensions(root, notes)
+    links = {
+        link.name: link
+        for link in (_link(e, materials, extensions, notes) for e in root.children("link"))
+    }
+    for kind in ("link", "joint"):
+        _names_used_once(root, kind)
+    joints = tuple(_joint(element, links) for element in root.children("joint"))
+    poses = _poses_in_root(root, links, joints)
+    return Robot(
+        root.attribute("name", "robot"),
+        tuple(dataclasses.replace(link, pose=poses[name]) for name, link in links.items()),
+        joints,
+        tuple(extensions.devices),
+        extensions.static,
+        notes.lines(),
+        extensions.namespace,
+    )
+
+
+def _names_used_once(root: Element, kind: str) -> None:
+    seen: set[str] = set()
+    for element in root.children(kind):
+        name = element.attribute("name")
+        if name in seen:
+            raise element.error(f"a {kind} named {name!r} already exists")
+        seen.add(name)
+
+
+def _origin(element: Element) -> Pose:
+    origin = element.child("origin")
+    if origin is None:
+        return IDENTITY
+    position = origin.vector(origin.attribute("xyz", "0 0 0"), "xyz")
+    return Pose.from_rpy(*position, *origin.vector(origin.attribute("rpy", "0 0 0"), "rpy"))
+
+
+def _value(element: Element, name: str, default: float | None = None) -> float:
+    text = element.attribute(name, None if default is None else repr(default))
+    if default is not None and text == repr(default):
+        return default
+    return element.numbers(1, text, name)[0]
+
+
+def _link(
+    element: Element, materials: dict[str, Colour], extensions: Extensions, notes: Notes
+) -> Link:
+    name = element.attribute("name")
+    mass, inertia = _inertial(element.child("inertial"), notes)
+    surface = extensions.surfaces.get(name, Surface())
+    collisions = []
+    for index, child in enumerate(element.children("collision")):
+        shape = _shape(child, notes)
+        if shape is not None:
+            label = child.attribute("name", f"{name}_collision" + (f"_{index}" if index else ""))
+            collisions.append(Collision(label, _origin(child), shape, surface.friction))
+    visuals = []
+    for index, child in enumerate(element.children("visual")):
+        shape = _shape(child, notes)
+        if shape is not None:
+            colour = surface.colour or _colour(child, materials)
+            visuals.append(
+                Visual(
+                    child.attribute("name", f"{name}_visual_{index}"), _origin(child), shape, colour
+                )
+            )
+    return Link(name, IDENTITY, mass, inertia, tuple(collisions), tuple(visuals))
+
+
+def _inertial(element: Element | None, notes: Notes) -> tuple[float, Inertia]:
+    """Returns mass and inertia: zero if absent, as for a frame, or (with a note) for an invalid mass."""
+    frame = 0.0, Inertia(0.0, 0.0, 0.0)
+    if element is None:
+        return frame
+    mass = _value(element.needed("mass"), "value")
+    moments = element.child("inertia")
+    values = (
+        [0.0] * 3
+        if moments is None
+        else [_value(moments, name, 0.0) for name in ("ixx", "iyy", "izz")]
+    )
+    if mass <= 0:
+        element.needed("mass").note(
+            notes, f"value must be > 0 (got {mass:g}); the link has no mass"
+        )
+        return frame
+    if moments is None or min(values) <= 0:
+        moment = mass * RADIUS_OF_GYRATION**2
+        element.note(
+            notes, f"ixx, iyy and izz must be > 0 (got {values}); {moment:g} kg m² is taken"
+        )
+        return mass, Inertia(moment, moment, moment, pose=_origin(element))
+    ixx, iyy, izz = values
+    ixy, ixz, iyz = (_value(moments, name, 0.0) for name in ("ixy", "ixz", "iyz"))
+    return mass, Inertia(ixx, iyy, izz, ixy, ixz, iyz, _origin(element))
+
+
+def _shape(element: Element, notes: Notes) -> Shape | None:
+    """Returns the shape; None, with a note, if its mesh is not found or its size is not positive."""
+    geometry = element.needed("geometry")
+    inner = next(geometry.children(), None)
+    if inner is None:
+        raise geometry.error("is empty")
+    shape: Shape | None = None
+    if inner.tag == "box":
+        size = inner.vector(inner.attribute("size"), "size")
+        shape, least = Box(size), min(size)
+    elif inner.tag == "cylinder":
+        radius, length = _value(inner, "radius"), _value(inner, "length")
+        shape, least = Cylinder(radius, length), min(radius, length)
+    elif inner.tag == "sphere":
+        least = _value(inner, "radius")
+        shape = Sphere(least)
+    if shape is not None:
+        if least > 0:
+            return shape
+        inner.note(notes, f"sizes must be > 0 (got {least:g}); it is ignored")
+        return None
+    if inner.tag != "mesh":
+        raise inner.error("is not a URDF geometry; use box, cylinder, sphere or mesh")
+    path = file_of_uri(inner.attribute("filename"), Path.cwd(), ())
+    if path is None:
+        notes.add(f"mesh {inner.attribute('filename')} is not found and left out")
+        return None
+    return Mesh(str(path), inner.vector(inner.attribute("scale", "1 1 1"), "scale"))
+
+
+def _rgba(material: Element) -> Colour:
+    colour = material.child("color")
+    if colour is None:
+        return colour_of_material(material.attribute("name", "")) or GREY
+    red, green, blue, alpha = colour.numbers(4, colour.attribute("rgba"), "rgba")
+    return red, green, blue, alpha
+
+
+def _colour(visual: Element, materials: dict[str, Colour]) -> Colour:
+    material = visual.child("material")
+    if material is None:
+        return GREY
+    named = materials.get(material.attribute("name", ""))
+    return named if named is not None and material.child("color") is None else _rgba(material)
+
+
+def _joint(element: Element, links: dict[str, Link]) -> Joint:
+    kind = element.attribute("type")
+    if kind not in KINDS:
+        raise element.error(f"joint type {kind!r} is not one of {', '.join(KINDS)}")
+    parent, child = (element.needed(tag).attribute("link") for tag in ("parent", "child"))
+    for end in (parent, child):
+        if end not in links:
+            raise element.error(f"there is no link {end!r}")
+    limit = element.child("limit")
+    dynamics, axis = element.child("dynamics"), element.child("axis")
+    infinity = float("inf")
+    bounded = kind in (kinds.REVOLUTE, kinds.PRISMATIC)
+    return Joint(
+        element.attribute("name"),
+        kind,
+        parent,
+        child,
+        _origin(element),
+        (1.0, 0.0, 0.0) if axis is None else axis.direction(axis.attribute("xyz"), "xyz"),
+        lower=_value(limit, "lower", 0.0) if limit is not None and bounded else -infinity,
+        upper=_value(limit, "upper", 0.0) if limit is not None and bounded else infinity,
+        effort=_value(limit, "effort", infinity) if limit is not None else infinity,
+        velocity=_value(limit, "velocity", infinity) if limit is not None else infinity,
+        damping=_value(dynamics, "damping", 0.0) if dynamics is not None else 0.0,
+        friction=_value(dynamics, "friction", 0.0) if dynamics is not None else 0.0,
+    )
+
+
+def _poses_in_root(
+    root: Element, links: dict[str, Link], joints: tuple[Joint, ...]
+) -> dict[str, Pose]:
+    """Returns each link's pose in the root link; raises if the joints do not form a single tree of all links."""
+    by_child: dict[str, Joint] = {}
+    for joint in joints:
+        if joint.child in by_child:
+            raise root.error(
+                f"link {joint.child!r} is the child of two joints, {by_child[joint.child].name!r} and {joint.name!r}"
+            )
+        by_child[joint.child] = joint
+    roots = [name for name in links if name not in by_child]
+    if len(roots) != 1:
+        raise root.error(
+            f"must have exactly one root link, found {len(roots)}: {', '.join(roots[:5]) or 'none'}"
+        )
+    poses = {roots[0]: IDENTITY}
+    pending = list(joints)
+    while pending:
+        ready = [joint for joint in pending if joint.parent in poses]
+        if not ready:
+            raise root.error(
+                f"joints form a loop: {', '.join(joint.name for joint in pending[:5])}"
+            )
+        for joint in ready:
+            poses[joint.child] = poses[joint.parent].compose(joint.pose)
+            pending.remove(joint)
+    return poses
+
+
+def read_extensions(root: Element, notes: Notes) -> Extensions:
+    """Returns the content of a ``<robot>``'s ``<gazebo>`` elements; adds unsupported elements to ``notes``.
+
+    Raises:
+        DescriptionError: a value is invalid, or the robot has no link or joint of a given name.
+    """
+    extensions = Extensions()
+    names = Names(
+        *(
+            {element.attribute("name") for element in root.children(tag)}
+            for tag in ("link", "joint")
+        )
+    )
+    for element in root.children("gazebo"):
+        reference = element.attribute("reference", "")
+        if reference:
+            if reference not in names.joints:
+                names.check(element, "link", reference)
+            _read_reference(element, reference, extensions, names, notes)
+        else:
+            _read_model(element, extensions, names, notes)
+    return extensions
+
+
+def _read_reference(
+    element: Element, link: str, extensions: Extensions, names: Names, notes: Notes
+) -> None:
+    surface = extensions.surfaces.get(link, Surface())
+    for child in element.children():
+        if child.tag == "sensor":
+            names.check(child, "link", link)
+            extensions.devices += read_sensor(child, link, notes)
+        elif child.tag in ("mu1", "mu"):
+            surface = dataclasses.replace(surface, friction=child.numbers(1, _said(child))[0])
+        elif child.tag == "material":
+            surface = dataclasses.replace(surface, colour=colour_of_material(_said(child)))
+        elif child.tag not in SURFACE_QUIET:
+            notes.add(f"<{child.tag}> in <gazebo reference> is not supported and ignored")
+    extensions.surfaces[link] = surface
+
+
+def _said(element: Element) -> str:
+    """Returns an element's value: URDF parsers accept ``<mu1>1</mu1>`` and ``<mu1 value="1"/>``."""
+    return element.attribute("value", element.text)
+
+
+def _read_model(element: Element, extensions: Extensions, names: Names, notes: Notes) -> None:
+    for child in element.children():
+        if child.tag == "static":
+            extensions.static = child.truth(_said(child))
+        elif child.tag == "plugin":
+            extensions.devices += read_plugin(child, names, notes)
+            extensions.namespace = extensions.namespace or child.word("robotNamespace", "").strip(
+                "/"
+            )
+        else:
+            notes.add(f"<{child.tag}> in <gazebo> is not supported and ignored")
