@@ -41,7 +41,7 @@ def show_help(command: str) -> None:
 
         test.arguments_from(["--help"])
     elif command == "replay":
-        from pioneer_fleet.core.replay_option import parser
+        from pioneer_fleet.recording.replay_option import parser
 
         parser().parse_args(["--help"])
     elif command == "bench":
@@ -60,14 +60,14 @@ def check(command: str, arguments: Sequence[str]) -> int:
         The exit status: 0, or 2 after one line about the first wrong option.
     """
     if command == "replay":
-        from pioneer_fleet.core.replay_option import parser
+        from pioneer_fleet.recording.replay_option import parser
 
         file = parser().parse_args(arguments).file
         if not file.is_file():
             print(f"pioneer replay: there is no file {file}", file=sys.stderr)
             return 2
         return 0
-    from pioneer_demo.core.error import OptionError
+    from pioneer_demo.error import OptionError
 
     try:
         parse(command, arguments)
@@ -83,10 +83,10 @@ def parse(command: str, arguments: Sequence[str]) -> None:
     Raises:
         OptionError: an option is wrong.
     """
-    from pioneer_demo.adapters.world_folder import place_count, places_by_world
-    from pioneer_demo.core.error import OptionError
-    from pioneer_demo.core.option import CONFIGS, Machine
-    from pioneer_demo.core.study_option import experiment_config
+    from pioneer_demo.error import OptionError
+    from pioneer_demo.scenario.option import CONFIGS, Machine
+    from pioneer_demo.scenario.world_folder import place_count, places_by_world
+    from pioneer_demo.study.option import experiment_config
 
     stack = SOURCE / "pioneer_gazebo_ros"
     poses = stack / "pioneer_description" / "config"

@@ -16,7 +16,7 @@ from containers.report import aligned, follow, status_table
 from containers.state import fleet as fleet_of
 from containers.state import stack
 from containers.subcommand import Subcommands
-from pioneer_fleet.adapters.registry import running_fleets
+from pioneer_fleet.registry import running_fleets
 
 HEADINGS = ("ROBOT", "STATE", "ROBOT MOVES", "ODOM", "POSITION", "ERROR", "WAYPOINTS", "LAST WORD")
 STALE = 5.0

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from containers import SOURCE
 from containers.engine import Computer, ContainerError
 from containers.state import BASE
-from pioneer_demo.adapters.world_folder import places_by_world
-from pioneer_demo.core.error import OptionError
-from pioneer_demo.core.option import check_fleet, factor_held
+from pioneer_demo.error import OptionError
+from pioneer_demo.scenario.option import check_fleet, factor_held
+from pioneer_demo.scenario.world_folder import places_by_world
 
 ROBOTS, WORLD = 5, "utm_0"
 """Defaults for a new fleet."""

@@ -13,7 +13,7 @@ from pathlib import Path
 from containers.engine import ContainerError, output, say
 from containers.harness import CPU_SCRIPT, END, Fleet, cpu_of, started
 from containers.hosts import swarm_here
-from pioneer_demo.core.option import factor_held
+from pioneer_demo.scenario.option import factor_held
 from pioneer_harness.proc import processors
 
 WINDOW = 30.0

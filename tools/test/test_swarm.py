@@ -14,7 +14,7 @@ from containers.engine import DOCKER, Computer, ContainerError
 from containers.layout import stack_text
 from containers.report import status_table
 from containers.swarm import Node
-from pioneer_demo.core.option import factor_held
+from pioneer_demo.scenario.option import factor_held
 
 SHIPPED = (Path(__file__).parents[2] / "docker" / "compose.yaml").read_text()
 MANAGER = Node("vm", "a", "10.0.0.1", up=True, works=True, base=False, processors=4.0)

@@ -2,16 +2,16 @@
 
 import sys
 
-from pioneer_demo.adapters.interrupt import Interrupt
+from pioneer_demo.console.interrupt import Interrupt
 
 if __name__ == "__main__":
     interrupt = (
         Interrupt()
     )  # first, so that Ctrl-C during the imports below also ends the command cleanly
     if sys.argv[1:2] == ["experiment"]:
-        from pioneer_demo.nodes import experiment
+        from pioneer_demo.study import experiment
 
         sys.exit(experiment.main(sys.argv[2:], interrupt))
-    from pioneer_demo.nodes.main import main
+    from pioneer_demo.main import main
 
     sys.exit(main(sys.argv[1:], interrupt))

@@ -4,8 +4,8 @@ import pathlib
 import subprocess
 import sys
 
-from pioneer_demo.adapters.network import Networks
-from pioneer_demo.core.link import Condition
+from pioneer_demo.processes.network import Networks
+from pioneer_demo.scenario.link import Condition
 
 ECHO = str(pathlib.Path(__file__).with_name("udp_echo.py"))
 subprocess.run(["ip", "link", "set", "lo", "up"], check=True)

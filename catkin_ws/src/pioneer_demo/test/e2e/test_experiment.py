@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from pioneer_demo.adapters.output_folder import FolderLock
-from pioneer_demo.adapters.scenario_file import scenario_folder
+from pioneer_demo.console.output_folder import FolderLock
+from pioneer_demo.scenario.scenario_file import scenario_folder
 from pioneer_harness.wait import wait_until
 
 PROGRAM = Path(__file__).with_name("study_program.py")

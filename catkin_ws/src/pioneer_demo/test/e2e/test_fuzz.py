@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 import psutil
 from std_srvs.srv import Trigger
 
-from pioneer_fleet.adapters.registry import running_fleets
+from pioneer_fleet.registry import running_fleets
 from pioneer_harness.proc import process_states
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pioneer_demo.adapters.network import NetworkError, apart
+from pioneer_demo.processes.network import NetworkError, apart
 
 
 def test_packets_between_a_robot_and_others_are_late_and_lost_as_its_link_says():

@@ -2,8 +2,8 @@
 
 import dataclasses
 
-from pioneer_demo.core.command import Ports, commands
-from pioneer_demo.core.option import DemoConfig
+from pioneer_demo.processes.command import Ports, commands
+from pioneer_demo.scenario.option import DemoConfig
 
 TUTORIAL = Ports(6380, 11311, 11312, (11313, 11314))
 

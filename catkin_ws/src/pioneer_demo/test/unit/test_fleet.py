@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from nav_bundle.msg import NavigationState
 
-from pioneer_demo.conversions import trouble_from_state
-from pioneer_demo.core.fleet import Fleet, faults, stuck_report, time_limit
-from pioneer_demo.core.scenario import Success
-from pioneer_demo.core.track import RobotTrack
-from pioneer_demo.core.view import live_lines, state_word
-from pioneer_demo.core.waypoint import Leg
-from pioneer_fleet.core.geometry import Pose
-from pioneer_fleet.core.monitor import ClientState, Queue
+from pioneer_demo.observer.conversions import trouble_from_state
+from pioneer_demo.observer.fleet import Fleet, faults, stuck_report, time_limit
+from pioneer_demo.observer.track import RobotTrack
+from pioneer_demo.report.view import live_lines, state_word
+from pioneer_demo.scenario.scenario import Success
+from pioneer_demo.scenario.waypoint import Leg
+from pioneer_fleet.geometry import Pose
+from pioneer_fleet.monitor.monitor import ClientState, Queue
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from pioneer_demo.core.floor import Floor, distances, drivable, route
+from pioneer_demo.scenario.floor import Floor, distances, drivable, route
 
 
 def floor_from(art, resolution=1.0, x=0.0, y=0.0):

@@ -8,7 +8,7 @@ import pytest
 
 BLOCKED = """
 import threading
-from pioneer_demo.adapters.interrupt import Interrupt
+from pioneer_demo.console.interrupt import Interrupt
 Interrupt()
 print("ready", flush=True)
 lock = threading.Lock()
@@ -16,7 +16,7 @@ lock.acquire()
 lock.acquire()
 """
 IN_ORDER = """
-from pioneer_demo.adapters.interrupt import Interrupt, Interrupted
+from pioneer_demo.console.interrupt import Interrupt, Interrupted
 interrupt = Interrupt()
 print("ready", flush=True)
 try:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pioneer_demo.core.kind import kind
+from pioneer_demo.processes.kind import kind
 
 
 @pytest.mark.parametrize(

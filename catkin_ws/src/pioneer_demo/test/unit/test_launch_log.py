@@ -1,6 +1,6 @@
 """Node deaths are parsed from roslaunch's output."""
 
-from pioneer_demo.core.launch_log import NodeDeath, node_deaths, restarted_nodes
+from pioneer_demo.processes.launch_log import NodeDeath, node_deaths, restarted_nodes
 
 KILLED = (
     "\x1b[31m[pioneer1/move_base-4] process has died [pid 4242, exit code -9, cmd /ws/devel/lib/nav_bundle/move_base "

@@ -1,6 +1,6 @@
 """The effect of a link on its packets."""
 
-from pioneer_demo.core.link import Condition, Direction
+from pioneer_demo.scenario.link import Condition, Direction
 
 
 def direction(condition: Condition) -> Direction:

@@ -5,9 +5,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pioneer_demo.adapters.world_folder import map_names, place_count, places_by_world
-from pioneer_demo.core.error import OptionError
-from pioneer_demo.core.option import (
+from pioneer_demo.error import OptionError
+from pioneer_demo.scenario.option import (
     DemoConfig,
     FleetConfig,
     Machine,
@@ -15,6 +14,7 @@ from pioneer_demo.core.option import (
     demo_config,
     fleet_config,
 )
+from pioneer_demo.scenario.world_folder import map_names, place_count, places_by_world
 
 POSES = Path(__file__).parents[3] / "pioneer_gazebo_ros" / "pioneer_description" / "config"
 

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from pioneer_demo.adapters.output_folder import FolderLock
-from pioneer_demo.core.error import FolderInUseError, OptionError
-from pioneer_demo.core.option import DemoConfig, FleetConfig
-from pioneer_demo.nodes.main import _check_files, _made_output
+from pioneer_demo.console.output_folder import FolderLock
+from pioneer_demo.error import FolderInUseError, OptionError
+from pioneer_demo.main import _check_files, _made_output
+from pioneer_demo.scenario.option import DemoConfig, FleetConfig
 from pioneer_node.core.fleet_file import RobotEntry
 
 HOLDER = """
 import sys
 from pathlib import Path
-from pioneer_demo.adapters.output_folder import FolderLock
+from pioneer_demo.console.output_folder import FolderLock
 lock = FolderLock(Path(sys.argv[1]))
 print("locked", flush=True)
 sys.stdin.read()

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from pioneer_demo.adapters import processes
-from pioneer_demo.adapters.processes import FleetProcesses
-from pioneer_demo.core.option import DemoConfig, FleetConfig
+from pioneer_demo.processes import processes
+from pioneer_demo.processes.processes import FleetProcesses
+from pioneer_demo.scenario.option import DemoConfig, FleetConfig
 from pioneer_harness.error import ProcessDiedError
 
 DIED = "[{}-4] process has died [pid 42, exit code -9, cmd /ws/lib/{}].\n"

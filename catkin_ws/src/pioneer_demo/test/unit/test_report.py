@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pioneer_demo.adapters.picture import draw_fleet
-from pioneer_demo.conversions import floor_from_grid
-from pioneer_demo.core.fleet import Fleet
-from pioneer_demo.core.report import Outcome, columns, report, reproducible, table, verdict_line
-from pioneer_demo.core.track import RobotTrack
-from pioneer_demo.core.waypoint import Leg
-from pioneer_fleet.core.geometry import Pose
-from pioneer_fleet.core.monitor import ClientState, Queue
+from pioneer_demo.observer.conversions import floor_from_grid
+from pioneer_demo.observer.fleet import Fleet
+from pioneer_demo.observer.track import RobotTrack
+from pioneer_demo.report.picture import draw_fleet
+from pioneer_demo.report.report import Outcome, columns, report, reproducible, table, verdict_line
+from pioneer_demo.scenario.waypoint import Leg
+from pioneer_fleet.geometry import Pose
+from pioneer_fleet.monitor.monitor import ClientState, Queue
 from pioneer_harness.accounting import Usage
 
 

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from pioneer_demo.adapters.scenario_file import read_scenario, scenario_folder
-from pioneer_demo.core.command import Ports, commands, on_computer, written_files
-from pioneer_demo.core.error import OptionError
-from pioneer_demo.core.option import DemoConfig, Machine, demo_config, scenario_config
-from pioneer_demo.core.scenario import Scenario
+from pioneer_demo.error import OptionError
+from pioneer_demo.processes.command import Ports, commands, on_computer, written_files
+from pioneer_demo.scenario.option import DemoConfig, Machine, demo_config, scenario_config
+from pioneer_demo.scenario.scenario import Scenario
+from pioneer_demo.scenario.scenario_file import read_scenario, scenario_folder
 
 SHIPPED = sorted(scenario_folder().glob("*.yaml"))
 PLACES = {"closed_maze": 15, "small_world": 6, "utm_0": 15, "willow_office": 15}

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pioneer_demo.adapters.scenario_file import scenario_folder, scenario_of
-from pioneer_demo.core.comparison import (
+from pioneer_demo.error import OptionError
+from pioneer_demo.scenario.option import Machine
+from pioneer_demo.scenario.scenario_file import scenario_folder, scenario_of
+from pioneer_demo.study.comparison import (
     frame_of,
     median_interval,
     rate,
     rate_difference,
     summary_of,
 )
-from pioneer_demo.core.error import OptionError
-from pioneer_demo.core.option import Machine
-from pioneer_demo.core.study import Run, Study, merged, row_of, time_left
-from pioneer_demo.core.study_option import experiment_config
+from pioneer_demo.study.option import experiment_config
+from pioneer_demo.study.study import Run, Study, merged, row_of, time_left
 from pioneer_node.adapters.document import read_content, read_document
 
 

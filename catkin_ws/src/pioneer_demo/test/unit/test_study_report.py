@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pioneer_demo.adapters.study_report import _interval, write_report
-from pioneer_demo.core.study import Run, Study, row_of
+from pioneer_demo.study.report import _interval, write_report
+from pioneer_demo.study.study import Run, Study, row_of
 
 
 @pytest.fixture

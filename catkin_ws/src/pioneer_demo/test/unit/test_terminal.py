@@ -2,7 +2,7 @@
 
 import io
 
-from pioneer_demo.adapters.terminal import Display
+from pioneer_demo.console.terminal import Display
 
 
 class FakeTerminal(io.StringIO):

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from pioneer_demo.core.track import RobotTrack
-from pioneer_demo.core.waypoint import Leg
-from pioneer_fleet.core.geometry import Pose
-from pioneer_fleet.core.monitor import ClientState, Queue
+from pioneer_demo.observer.track import RobotTrack
+from pioneer_demo.scenario.waypoint import Leg
+from pioneer_fleet.geometry import Pose
+from pioneer_fleet.monitor.monitor import ClientState, Queue
 
 
 def leg(x, y=0.0):

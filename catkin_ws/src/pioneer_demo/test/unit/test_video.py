@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from PIL import ImageColor
 
-from pioneer_demo import conversions
-from pioneer_demo.adapters import colour, video
-from pioneer_demo.core.error import VideoError
-from pioneer_demo.core.floor import Floor
-from pioneer_demo.core.recording import Recording
-from pioneer_demo.core.track import RobotTrack
-from pioneer_demo.core.waypoint import Leg
-from pioneer_fleet.conversions import mount_of
-from pioneer_fleet.core.geometry import Pose
+from pioneer_demo.error import VideoError
+from pioneer_demo.observer import conversions
+from pioneer_demo.observer.recording import Recording
+from pioneer_demo.observer.track import RobotTrack
+from pioneer_demo.report import colour, video
+from pioneer_demo.scenario.floor import Floor
+from pioneer_demo.scenario.waypoint import Leg
+from pioneer_fleet.geometry import Pose
+from pioneer_fleet.monitor.conversions import mount_of
 
 FREE = np.ones((60, 100), bool)
 FREE[0] = FREE[-1] = FREE[:, 0] = FREE[:, -1] = False

@@ -5,11 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
-from pioneer_demo.core.error import NoWaypointError
-from pioneer_demo.core.floor import Floor
-from pioneer_demo.core.place import check_places
-from pioneer_demo.core.waypoint import WaypointConfig, fleet_waypoints
-from pioneer_fleet.core.geometry import Pose
+from pioneer_demo.error import NoWaypointError
+from pioneer_demo.scenario.floor import Floor
+from pioneer_demo.scenario.place import check_places
+from pioneer_demo.scenario.waypoint import WaypointConfig, fleet_waypoints
+from pioneer_fleet.geometry import Pose
 from pioneer_node.core.document import DocumentError
 
 CONFIG = WaypointConfig()

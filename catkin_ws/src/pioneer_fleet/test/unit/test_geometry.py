@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from pioneer_fleet.core.geometry import Pose, length, remaining_length, yaw_from_quaternion
+from pioneer_fleet.geometry import Pose, length, remaining_length, yaw_from_quaternion
 
 
 def test_a_pose_composes_with_what_lies_ahead_of_it():

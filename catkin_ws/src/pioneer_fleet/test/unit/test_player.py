@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from pioneer_fleet.adapters.recording import (
+from pioneer_fleet.recording.player import Pace
+from pioneer_fleet.recording.recording import (
     Kind,
     McapFile,
     Message,
@@ -13,7 +14,6 @@ from pioneer_fleet.adapters.recording import (
     contents,
     messages_since,
 )
-from pioneer_fleet.nodes.player import Pace
 
 PLAIN, LATCHED = (
     Kind("std_msgs/Empty", "0", "", False),

@@ -13,7 +13,7 @@ from mcap_ros1.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import String
 
-from pioneer_fleet.adapters.recording import RecordingError, messages_of
+from pioneer_fleet.recording.recording import RecordingError, messages_of
 from pioneer_harness.masters import Master
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
@@ -43,7 +43,7 @@ def test_two_masters_are_recorded_under_their_names_and_replayed_as_one(
         for master, word in ((one, "hello"), (two, "world")):
             group.start("talker", [sys.executable, "-c", TALK, word], master.environment)
         environment = {**one.environment, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-        words = module("pioneer_fleet.adapters.recorder", path, f"one={one.uri}", f"two={two.uri}")
+        words = module("pioneer_fleet.recording.recorder", path, f"one={one.uri}", f"two={two.uri}")
         recorder = subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True)
         # The recorder is connected once it is listed among the talker's subscribers.
         for master in (one, two):
@@ -98,7 +98,7 @@ def opened_by_others(path: Path) -> set[str]:
 def assert_replayed(path: Path, environment: dict[str, str]) -> None:
     """Checks that the words are replayed, without the masters' names in their topics."""
     replay = subprocess.Popen(
-        module("pioneer_fleet.nodes.replay", path, "--stay"),
+        module("pioneer_fleet.recording.replay", path, "--stay"),
         env=environment,
         stdout=subprocess.PIPE,
         text=True,

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from pioneer_fleet.adapters.registry import Entry, RegistryError, running_fleets
+from pioneer_fleet.registry import Entry, RegistryError, running_fleets
 
 KILLED = """
 import os, signal
-from pioneer_fleet.adapters.registry import Entry
+from pioneer_fleet.registry import Entry
 Entry().write({"started": 1.0})
 os.kill(os.getpid(), signal.SIGKILL)
 """

@@ -1,5 +1,5 @@
-from pioneer_fleet.core.monitor import ClientState, Queue, deviation_from_covariance
-from pioneer_fleet.core.report import Report, Stage, states_of
+from pioneer_fleet.monitor.monitor import ClientState, Queue, deviation_from_covariance
+from pioneer_fleet.monitor.report import Report, Stage, states_of
 
 
 def queue(received: int = 0, reached: int = 0, aborted: int = 0, waiting: int = 0) -> Queue:

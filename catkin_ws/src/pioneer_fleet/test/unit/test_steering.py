@@ -1,4 +1,4 @@
-from pioneer_fleet.core.steering import Steering
+from pioneer_fleet.teleop.steering import Steering
 
 
 def pressed(keys: str) -> Steering:

@@ -2,7 +2,7 @@ import itertools
 
 import pytest
 
-from pioneer_fleet.core.tour import places_from_mapping, tour
+from pioneer_fleet.monitor.tour import places_from_mapping, tour
 
 PLACES = [(float(number), 0.0, 0.0) for number in range(15)]
 

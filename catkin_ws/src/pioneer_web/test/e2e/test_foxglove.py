@@ -18,7 +18,7 @@ from std_srvs.srv import EmptyRequest
 from tf2_msgs.msg import TFMessage
 from websockets.sync.client import connect
 
-from pioneer_web.core.robot import STALE
+from pioneer_web.state.robot import STALE
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"

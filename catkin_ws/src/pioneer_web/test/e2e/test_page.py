@@ -9,7 +9,7 @@ from page_driver import MOVE, PHONE, SOON, assert_fits_a_phone, press, send_to
 from selenium.webdriver.common.by import By
 from served import VIEWER, publish
 
-from pioneer_fleet.adapters.recording import messages_of
+from pioneer_fleet.recording.recording import messages_of
 from pioneer_harness.wait import wait_until
 
 # Selenium leaves a connection to its driver open.

@@ -20,11 +20,11 @@ from tf2_msgs.msg import TFMessage
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from pioneer_demo.adapters.processes import FleetProcesses
-from pioneer_demo.adapters.stopwatch import Stopwatch
-from pioneer_demo.core.command import gateway_name
-from pioneer_demo.core.option import FleetConfig
-from pioneer_demo.nodes.fleet import FleetRun
+from pioneer_demo.console.stopwatch import Stopwatch
+from pioneer_demo.processes.command import gateway_name
+from pioneer_demo.processes.processes import FleetProcesses
+from pioneer_demo.run.fleet_run import FleetRun
+from pioneer_demo.scenario.option import FleetConfig
 from pioneer_harness.wait import wait_until
 
 pytestmark = [

@@ -26,7 +26,7 @@ def recording(fleet, tmp_path):
     words = [
         sys.executable,
         "-m",
-        "pioneer_fleet.adapters.recorder",
+        "pioneer_fleet.recording.recorder",
         str(path),
         f"base={fleet.master.uri}",
     ]
@@ -45,7 +45,7 @@ def recording(fleet, tmp_path):
 
 @pytest.fixture
 def address(recording):
-    words = [sys.executable, "-m", "pioneer_fleet.nodes.replay", "--web", str(recording)]
+    words = [sys.executable, "-m", "pioneer_fleet.recording.replay", "--web", str(recording)]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as replay:
         try:
             said = next(line for line in replay.stdout if "Fleet page" in line)

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from pioneer_web.core.access import MOST_SESSIONS, Access, Role, same_origin
+from pioneer_web.access.access_control import MOST_SESSIONS, Access, Role, same_origin
 
 TOKENS = {Role.OPERATOR: "operators-token", Role.VIEWER: "viewers-token"}
 

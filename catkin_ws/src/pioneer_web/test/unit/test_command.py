@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pioneer_fleet.core.geometry import Pose
-from pioneer_web.core.command import CommandError, command_from_text, formation
+from pioneer_fleet.geometry import Pose
+from pioneer_web.command.command import CommandError, command_from_text, formation
 
 ROBOTS = ["pioneer1", "pioneer2"]
 

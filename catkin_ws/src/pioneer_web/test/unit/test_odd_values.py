@@ -5,10 +5,10 @@ import math
 
 import pytest
 
-from pioneer_fleet.conversions import MessageError, mount_of
-from pioneer_web.core.robot import Robot
-from pioneer_web.core.station import Station
-from pioneer_web.core.stream import Stream
+from pioneer_fleet.monitor.conversions import MessageError, mount_of
+from pioneer_web.state.robot import Robot
+from pioneer_web.state.station import Station
+from pioneer_web.state.stream import Stream
 
 CIRCLE = """<robot name="r"><joint name="a"><parent link="laser"/><child link="base"/></joint>
 <joint name="b"><parent link="base"/><child link="laser"/></joint></robot>"""

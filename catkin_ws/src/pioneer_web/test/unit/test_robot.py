@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from pioneer_fleet.core.geometry import Pose
-from pioneer_web.core.picture import COSTS, MAP, png
-from pioneer_web.core.robot import Image, Robot
-from pioneer_web.core.station import Station
-from pioneer_web.core.stream import Stream
+from pioneer_fleet.geometry import Pose
+from pioneer_web.state.picture import COSTS, MAP, png
+from pioneer_web.state.robot import Image, Robot
+from pioneer_web.state.station import Station
+from pioneer_web.state.stream import Stream
 
 
 @pytest.fixture

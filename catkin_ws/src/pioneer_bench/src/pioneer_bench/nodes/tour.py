@@ -22,13 +22,13 @@ from nav_bundle.conversions import GridMessage, grid_from_message
 from nav_bundle.core import map_quality
 from nav_bundle.core import pose as navigation
 from pioneer_bench.core.tour import CONDITIONS, Condition, Tour
-from pioneer_demo.core.fleet import Fleet, stuck_report, time_limit
-from pioneer_demo.core.floor import Floor, floor_from_cells
-from pioneer_demo.core.kind import COMMAND, kind
-from pioneer_demo.core.track import RobotTrack
-from pioneer_demo.core.waypoint import WaypointConfig, fleet_waypoints
-from pioneer_demo.nodes.observer import ObserverNode
-from pioneer_fleet.core.geometry import Pose
+from pioneer_demo.observer.fleet import Fleet, stuck_report, time_limit
+from pioneer_demo.observer.node import ObserverNode
+from pioneer_demo.observer.track import RobotTrack
+from pioneer_demo.processes.kind import COMMAND, kind
+from pioneer_demo.scenario.floor import Floor, floor_from_cells
+from pioneer_demo.scenario.waypoint import WaypointConfig, fleet_waypoints
+from pioneer_fleet.geometry import Pose
 from pioneer_gazebo.fleet.pose_file import poses_of_world, read_poses
 from pioneer_harness.accounting import Account
 from pioneer_harness.error import HarnessError

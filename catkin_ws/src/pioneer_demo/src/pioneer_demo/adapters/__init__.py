@@ -1,1 +1,0 @@
-"""Adapters to the outside: map files, world folders, terminal, pictures, fleet processes, networks."""

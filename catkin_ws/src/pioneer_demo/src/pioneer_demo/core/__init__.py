@@ -1,1 +1,0 @@
-"""Code that needs neither ROS nor processes: waypoints, tracks, evaluation, texts for users."""

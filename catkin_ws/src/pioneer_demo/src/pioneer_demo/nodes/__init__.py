@@ -1,1 +1,0 @@
-"""The demo's ROS side: the observer node, fleet control, and the commands."""

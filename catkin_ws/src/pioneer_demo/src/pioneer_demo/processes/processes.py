@@ -1,0 +1,213 @@
+"""Manages a fleet's processes: starts them on free ports, monitors, accounts for and ends them."""
+
+import glob
+import os
+import re
+import shutil
+import signal
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from pioneer_demo.processes.command import Command, Ports, commands
+from pioneer_demo.processes.kind import COMMAND, kind
+from pioneer_demo.processes.launch_log import (
+    NodeDeath,
+    Relapses,
+    node_deaths,
+    plain,
+    restarted_nodes,
+)
+from pioneer_demo.processes.network import Networks
+from pioneer_demo.scenario.option import FleetConfig
+from pioneer_harness.accounting import Account, Usage
+from pioneer_harness.error import ProcessDiedError
+from pioneer_harness.port import PortReservation
+from pioneer_harness.proc import arguments, descendants
+from pioneer_harness.process import ProcessGroup, last_lines
+
+# Python nodes work sequentially; BLAS threads would only compete with other processes.
+_SINGLE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+_LAST_GRACE = 3.0
+_RESTART = 10.0
+"""Time-out for roslaunch to respawn a node [s]: launch files set a respawn delay of 2 s."""
+_ERROR = re.compile(r"\b(FATAL|CRITICAL|ERROR|\w*Error)\b")
+"""Matches log lines that report why a node ends."""
+
+
+class FleetProcesses:
+    """All processes of one fleet; a context manager. Use it from the main thread only."""
+
+    def __init__(self, config: FleetConfig) -> None:
+        self._config, self._log = config, config.log
+        self._reservation = PortReservation()
+        self.ports = Ports.taken(config.robots, self._reservation.take)
+        self.networks = Networks(config.linked, self.ports.hub)
+        self.group = ProcessGroup()
+        self._account = Account(kind, short=COMMAND)
+        self._read: dict[Path, int] = {}
+        self._pids: dict[str, int] = {}
+        self._dead: dict[tuple[Path, str], tuple[float, str]] = {}
+        self._relapses = Relapses()
+
+    def start(self) -> None:
+        """Starts all processes at once; they wait for each other.
+
+        Raises:
+            ProcessStartError: a command cannot be found.
+        """
+        self._log.mkdir(exist_ok=True)
+        shutil.rmtree(self._log / "ros", ignore_errors=True)  # left by the previous run
+        # Absolute: some nodes run in another directory.
+        for command in commands(self._config, self.ports):
+            log = self._log_of(command)
+            log.write_bytes(b"")
+            self._read[log] = 0
+            self._start(command)
+
+    def kill(self, names: Sequence[str]) -> None:
+        """Kills these commands and all their descendants with SIGKILL."""
+        for name in names:
+            self.group.kill(name)
+
+    def restart(self, names: Sequence[str]) -> None:
+        """Starts killed commands again."""
+        for command in commands(self._config, self.ports):
+            if command.name in names:
+                self._start(command)
+
+    def freeze(self, name: str, frozen: bool) -> None:
+        """Suspends (SIGSTOP) or resumes (SIGCONT) the gateway that a command has started."""
+        for pid in descendants(self.group.states(), {self._pids[name]}):
+            if "__name:=gateway" in arguments(pid):
+                os.kill(pid, signal.SIGSTOP if frozen else signal.SIGCONT)
+
+    def run(self, name: str, argv: Sequence[str], environment: Mapping[str, str]) -> None:
+        """Starts a command that exits by itself."""
+        self._start(Command(name, tuple(argv), environment), may_end=True)
+
+    def _start(self, command: Command, may_end: bool = False) -> None:
+        ros = self._log.resolve() / "ros"
+        home = {"ROS_HOME": str(ros), "ROS_LOG_DIR": str(ros / "log")}
+        robot = command.environment.get("ROBOT_NAME", "")
+        environment = {
+            **_SINGLE,
+            **os.environ,
+            **home,
+            **command.environment,
+            **self.networks.environment(robot),
+        }
+        argv = self.networks.placed(robot, _found(command.argv))
+        self._pids[command.name] = self.group.start(
+            command.name, argv, environment, self._log_of(command), may_end
+        )
+
+    def _log_of(self, command: Command) -> Path:
+        return self._log / f"{re.sub(r'[^A-Za-z0-9_]+', '-', command.name)}.log"
+
+    def check(self, starting: bool = False) -> list[str]:
+        """Checks the processes; returns a line for each node that died and is respawned, if respawns are allowed.
+
+        A node that keeps dying is reported once, with its last lines of output, and again when it has recovered. The
+        other nodes keep running.
+
+        Args:
+            starting: the fleet is still starting, so a node that keeps dying is an error.
+
+        Raises:
+            ProcessDiedError: a process, or a node under roslaunch, has ended unexpectedly.
+        """
+        self.group.check()
+        lines = self._relapses.recovered(time.monotonic())
+        for log in self._read:
+            news = self._news(log)
+            for death in node_deaths(news):
+                text, reason = _told(death, log)
+                self._dead[log, death.name] = time.monotonic(), text
+                if self._relapses.died((log, death.name), death.name, reason, time.monotonic()):
+                    text = f"{death.name} keeps dying; the last time: {text}"
+                    if starting:
+                        raise ProcessDiedError(text)
+                    lines.append(text)
+            for name in restarted_nodes(news):
+                if not self._relapses.fails((log, name)):
+                    lines.append(f"{name} has died and is started again")
+                self._dead.pop((log, name), None)
+        patience = _RESTART if self._config.restarts_nodes else 0.0
+        for died, text in self._dead.values():
+            if time.monotonic() - died >= patience:
+                raise ProcessDiedError(text)
+        return lines
+
+    def faults(self) -> list[str]:
+        """Returns a line for each node that keeps dying."""
+        return self._relapses.faults()
+
+    def sample(self) -> None:
+        """Samples the resource usage of the processes."""
+        self.group.sample(self._account)
+
+    def costs(self) -> dict[str, Usage]:
+        """Returns the cost by kind of process up to the last sample, including this process."""
+        user, system, *_ = os.times()
+        rss = int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+        return {**self._account.usage(), "this command": Usage(user + system, rss, 1)}
+
+    def cpu(self) -> float:
+        """Returns the total CPU time so far [s], including this process."""
+        self.sample()
+        return sum(cost.cpu for cost in self.costs().values())
+
+    def stop(self, grace: float, urgent: Callable[[], bool]) -> tuple[str, ...]:
+        """Ends everything within about ``grace`` [s], or at once when ``urgent`` returns true.
+
+        Returns:
+            The command lines of the processes that had to be killed.
+        """
+        killed = self.group.stop(grace, urgent)
+        self.networks.close()
+        self._reservation.release()
+        return killed
+
+    def __enter__(self) -> "FleetProcesses":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop(_LAST_GRACE, lambda: False)
+
+    def _news(self, log: Path) -> str:
+        """Returns the complete lines appended to ``log`` since the last call."""
+        with log.open("rb") as file:
+            file.seek(self._read[log])
+            text, newline, _ = file.read().rpartition(b"\n")
+        self._read[log] += len(text) + len(newline)
+        return text.decode(errors="replace")
+
+
+def _found(argv: Sequence[str]) -> Sequence[str]:
+    """Returns ``argv`` with ``rosrun`` replaced by the program's path: rosrun would spawn ten processes to find it."""
+    if argv[0] == "rosrun":
+        for prefix in os.environ.get("CMAKE_PREFIX_PATH", "").split(os.pathsep):
+            if (path := Path(prefix, "lib", *argv[1:3])).is_file():
+                return [str(path), *argv[3:]]
+    return argv
+
+
+def _told(death: NodeDeath, launch_log: Path) -> tuple[str, str]:
+    """Returns a node's death with the last lines of its logs, and one line: its exit code and the last error."""
+    # Screen output, such as a traceback, is in roslaunch's own log; the rest is in the node's log file.
+    ends = {
+        path: last_lines(path) for path in [*map(Path, sorted(glob.glob(death.log))), launch_log]
+    }
+    how = "" if death.status is None else f", exit code {death.status}"
+    text = "\n".join(
+        f"  the last lines of {path}:\n{lines}" for path, lines in ends.items() if lines
+    )
+    reason = how.removeprefix(", ") or "no exit code"
+    errors = [
+        plain(line).strip() for line in "\n".join(ends.values()).splitlines() if _ERROR.search(line)
+    ]
+    return (
+        f"{death.name} (pid {death.pid}) has died{how}\n{text}",
+        f"{reason}: {errors[-1]}" if errors else reason,
+    )

@@ -1,0 +1,1 @@
+"""Studies: many runs of variants of a scenario, their statistics and report."""

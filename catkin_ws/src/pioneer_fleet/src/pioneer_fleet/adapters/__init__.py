@@ -1,1 +1,0 @@
-"""Adapters to the outside: the registry of running fleets, recordings, the recorder."""

@@ -1,1 +1,0 @@
-"""Fleet state and its interpretation; does not need ROS."""

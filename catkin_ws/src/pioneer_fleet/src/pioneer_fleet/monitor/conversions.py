@@ -1,0 +1,104 @@
+"""Converts ROS messages to core values."""
+
+import math
+import xml.etree.ElementTree as ElementTree
+from typing import Any
+
+from pioneer_fleet.geometry import Points, Pose, yaw_from_quaternion
+from pioneer_fleet.monitor.monitor import ClientState, Queue
+
+FARTHEST = 1e6
+"""Maximum coordinate of a position [m]."""
+LARGEST = 1e15
+"""Maximum of a number that is shown."""
+_STATES = {state.value: state for state in ClientState}
+
+
+class MessageError(ValueError):
+    """A message has values that cannot be used; the text names the field."""
+
+
+def queue_from_message(message: Any) -> Queue:
+    """Returns the `Queue` of a ``simple_navigation_goals/WaypointQueue``; a state that is not known is UNKNOWN."""
+    waiting = len(message.waiting) + bool(message.current.header.frame_id)
+    counts = (message.received, message.reached, message.aborted)
+    return Queue(_STATES.get(message.state, ClientState.UNKNOWN), *counts, message.text, waiting)
+
+
+def pose_from_message(message: Any) -> Pose:
+    """Returns a ``geometry_msgs/Pose`` projected to 2D.
+
+    Raises:
+        MessageError: it is not finite or too far away.
+    """
+    return _pose(message.position, message.orientation)
+
+
+def pose_from_transform(message: Any) -> Pose:
+    """Returns a ``geometry_msgs/Transform`` projected to 2D.
+
+    Raises:
+        MessageError: it is not finite or too far away.
+    """
+    return _pose(message.translation, message.rotation)
+
+
+def points_from_path(message: Any) -> Points:
+    """Returns the positions of a ``nav_msgs/Path``, without those that are not finite or too far away."""
+    positions = [pose.pose.position for pose in message.poses]
+    return [(place.x, place.y) for place in positions if is_near(place.x) and is_near(place.y)]
+
+
+def is_near(value: float) -> bool:
+    """Returns whether a coordinate [m] is finite and not too far away."""
+    return -FARTHEST <= value <= FARTHEST
+
+
+def mount_of(description: str, link: str) -> Pose:
+    """Returns the 2D pose of a URDF link relative to the root link, by composing the joint origins.
+
+    Raises:
+        MessageError: the description is not a URDF.
+    """
+    joints = dict[str, tuple[str, Pose]]()
+    try:
+        root = ElementTree.fromstring(description)
+    except (ElementTree.ParseError, TypeError) as error:
+        raise MessageError(f"the robot description is not XML: {error}") from None
+    for joint in root.iter("joint"):
+        parent, child, origin = joint.find("parent"), joint.find("child"), joint.find("origin")
+        if parent is not None and child is not None:
+            place = {} if origin is None else origin.attrib
+            x, y, _ = map(float, place.get("xyz", "0 0 0").split())
+            *_, yaw = map(float, place.get("rpy", "0 0 0").split())
+            joints[child.get("link", "")] = parent.get("link", ""), Pose(x, y, yaw)
+    pose, name = Pose(0.0, 0.0), link
+    while name in joints:
+        name, step = joints.pop(name)  # each joint once, even if they form a circle
+        pose = step.compose(pose)
+    return pose
+
+
+def finite(value: float, name: str) -> float:
+    """Returns a number of a message.
+
+    Raises:
+        MessageError: it is not finite or too large to be meant.
+    """
+    if not abs(value) <= LARGEST:
+        raise MessageError(f"{name} must be a number of at most {LARGEST:g}, not {value:g}")
+    return value
+
+
+def _pose(place: Any, turn: Any) -> Pose:
+    yaw = yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w)
+    if not is_near(place.x) or not is_near(place.y) or not math.isfinite(yaw):
+        raise MessageError(
+            f"a pose is not finite or beyond {FARTHEST:g} m: ({place.x:g}, {place.y:g}), yaw {yaw:g}"
+        )
+    return Pose(place.x, place.y, yaw)
+
+
+def frame_from_message(name: str) -> str:
+    """Returns a frame's name without a leading slash."""
+    return name.lstrip("/")

@@ -1,1 +1,0 @@
-"""Nodes and commands: report, replay, teleop."""

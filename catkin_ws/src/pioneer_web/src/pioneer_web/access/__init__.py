@@ -1,0 +1,1 @@
+"""Who may look and who may drive: tokens, sessions, origins, limits for unknown clients."""

@@ -1,0 +1,1 @@
+"""Operators' commands: validation and execution, patrols, recordings."""

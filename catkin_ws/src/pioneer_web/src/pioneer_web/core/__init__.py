@@ -1,1 +1,0 @@
-"""Code that does not need ROS: access control, commands, and the data sent to pages."""

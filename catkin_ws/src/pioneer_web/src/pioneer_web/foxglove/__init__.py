@@ -1,0 +1,1 @@
+"""Foxglove's WebSocket protocol over raw messages."""

@@ -1,1 +1,0 @@
-"""Code that needs rospy or serves web pages."""

@@ -1,0 +1,34 @@
+"""Fetches single camera images on request of a page."""
+
+import base64
+
+import rospy
+from sensor_msgs.msg import Image
+
+from pioneer_web.state import conversions
+
+PATIENCE = 5.0
+"""Time-out for the next image [s]."""
+
+
+def image_topics() -> list[str]:
+    """Returns the camera image topics on this master."""
+    try:
+        return sorted(
+            topic for topic, kind in rospy.get_published_topics() if kind == "sensor_msgs/Image"
+        )
+    except (OSError, rospy.ROSException):
+        return []
+
+
+def next_image(topic: str) -> str:
+    """Returns the next image of a topic as a JPEG data URL; subscribes only while waiting.
+
+    Raises:
+        rospy.ROSException: timed out.
+        ValueError: the image encoding is not supported.
+    """
+    message = rospy.wait_for_message(topic, Image, PATIENCE)
+    return (
+        "data:image/jpeg;base64," + base64.b64encode(conversions.jpeg_from_image(message)).decode()
+    )
