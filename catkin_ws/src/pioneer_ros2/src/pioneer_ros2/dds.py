@@ -9,7 +9,11 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from cyclonedds._clayer import ddspy_take, ddspy_write
-from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
+from cyclonedds.builtin import (
+    BuiltinDataReader,
+    BuiltinTopicDcpsPublication,
+    BuiltinTopicDcpsSubscription,
+)
 from cyclonedds.core import (
     DDSException,
     InstanceState,
@@ -48,9 +52,16 @@ _BASES: dict[str, Any] = {
 }
 _NAME, _ARRAY, _SEQUENCE = 2, 3, 4
 """Kinds of fields in rosbags' definitions."""
+DURABILITY, RELIABILITY = "durability", "reliability"
+"""Policies of which the door can offer or accept another value."""
+_POLICIES = {
+    2: DURABILITY, 4: "deadline", 5: "latency budget", 6: "ownership", 8: "liveliness", 11: RELIABILITY,
+    12: "destination order", 23: "data representation",
+}  # fmt: skip
+"""Policies by which endpoints may not match, by their numbers in DDS."""
 _DEPTH = 10
 """Samples that a writer or reader keeps, as in ROS 2's default profile."""
-_LONGEST_WAIT = 0.01
+_LONGEST_WAIT = 0.001
 """A reliable writer waits so long for a reader whose buffers are full, then the sample is dropped [s]."""
 _MOST_TAKEN = 64
 _GRAPH = "ros_discovery_info"
@@ -141,12 +152,19 @@ def _policies(qos: rule.Qos, converter: Converter) -> Qos:
 
 
 def _requested(qos: rule.Qos, converter: Converter) -> Qos:
-    """Returns the quality of service that a reader requests: what any writer of ROS 2 offers."""
+    """Returns the quality of service that a reader requests."""
     hashed = Policy.Userdata(f"typehash={converter.type_hash};".encode())
     reliability = Policy.Reliability.Reliable(duration(seconds=_LONGEST_WAIT))
     if qos is rule.Qos.SENSOR:
         reliability = Policy.Reliability.BestEffort
     return Qos(reliability, Policy.Durability.Volatile, Policy.History.KeepLast(_DEPTH), hashed)
+
+
+def _policy(status: Any) -> str:
+    """Returns the policy in a status of incompatible quality of service; empty if there was no such endpoint."""
+    if not status.total_count:
+        return ""
+    return _POLICIES.get(status.last_policy_id, f"policy {status.last_policy_id}")
 
 
 class Writer:
@@ -156,7 +174,6 @@ class Writer:
         self, participant: "Participant", name: str, converter: Converter, qos: rule.Qos
     ) -> None:
         self.converter = converter
-        self.lost = 0  #: samples that were dropped, because a reader's buffers stayed full
         self._writer = DataWriter(
             participant.entity,
             participant.topic(name, converter.type_name),
@@ -174,10 +191,14 @@ class Writer:
         """How many readers are matched."""
         return int(self._writer.get_publication_matched_status().current_count)
 
-    def write(self, cdr: bytes) -> None:
-        """Sends a sample that is encoded already."""
-        if ddspy_write(self._writer._ref, cdr) != 0:
-            self.lost += 1
+    @property
+    def refused(self) -> str:
+        """The policy for which the last reader that does not match was refused; empty if there was none."""
+        return _policy(self._writer.get_offered_incompatible_qos_status())
+
+    def write(self, cdr: bytes) -> bool:
+        """Sends a sample that is encoded already; returns False if a reader's buffers stayed full."""
+        return bool(ddspy_write(self._writer._ref, cdr) == 0)
 
     def close(self) -> None:
         """Withdraws the topic: the binding deletes an entity with its last reference."""
@@ -201,6 +222,7 @@ class Reader:
         listener = Listener()
         listener.set_on_data_available(self._take)
         listener.set_on_subscription_matched(lambda *_: participant.changed())
+        listener.set_on_requested_incompatible_qos(lambda *_: participant.changed())
         self._listener = listener
         self._reader = DataReader(
             participant.entity,
@@ -219,6 +241,11 @@ class Reader:
         """How many writers are matched."""
         return int(self._reader.get_subscription_matched_status().current_count)
 
+    @property
+    def refused(self) -> str:
+        """The policy for which the last writer that does not match was refused; empty if there was none."""
+        return _policy(self._reader.get_requested_incompatible_qos_status())
+
     def _take(self, reader: DataReader[Any]) -> None:
         if self._closed:
             return
@@ -234,6 +261,32 @@ class Reader:
         """Withdraws the subscription."""
         self._closed = True
         del self._reader
+
+
+class _Endpoints:
+    """Readers or writers of other participants."""
+
+    def __init__(self, entity: DomainParticipant, topic: Any, changed: Callable[[], None]) -> None:
+        self._own = entity.guid
+        self._known: dict[Any, tuple[str, str]] = {}
+        listener = Listener()
+        listener.set_on_data_available(lambda _: changed())
+        self._listener = listener
+        self._reader = BuiltinDataReader(entity, topic, listener=listener)
+
+    def types(self) -> dict[str, set[str]]:
+        """Returns their DDS types by DDS topic."""
+        while samples := self._reader.take(N=_MOST_TAKEN):
+            for sample in samples:
+                info = sample.sample_info
+                if not info.valid_data or info.instance_state != InstanceState.Alive:
+                    self._known.pop(sample.key, None)
+                elif sample.participant_key != self._own:
+                    self._known[sample.key] = (sample.topic_name, sample.type_name)
+        found: dict[str, set[str]] = {}
+        for topic, type_name in self._known.values():
+            found.setdefault(topic, set()).add(type_name)
+        return found
 
 
 class Participant:
@@ -263,8 +316,9 @@ class Participant:
         self.entity = DomainParticipant(number, qos=Qos(Policy.Userdata(b"enclave=/;")))
         self.matching = Listener()
         self.matching.set_on_publication_matched(lambda *_: changed())
-        self._publications = BuiltinDataReader(self.entity, BuiltinTopicDcpsPublication)
-        self._offered: dict[Any, tuple[str, str]] = {}
+        self.matching.set_on_offered_incompatible_qos(lambda *_: changed())
+        self._publications = _Endpoints(self.entity, BuiltinTopicDcpsPublication, changed)
+        self._subscriptions = _Endpoints(self.entity, BuiltinTopicDcpsSubscription, changed)
         self._graph = self._graph_writer(messages)
 
     def topic(self, name: str, type_name: str) -> Topic[Any]:
@@ -278,17 +332,11 @@ class Participant:
 
     def offered(self) -> dict[str, set[str]]:
         """Returns the DDS types under which other participants write, by DDS topic."""
-        while samples := self._publications.take(N=_MOST_TAKEN):
-            for sample in samples:
-                info = sample.sample_info
-                if not info.valid_data or info.instance_state != InstanceState.Alive:
-                    self._offered.pop(sample.key, None)
-                elif sample.participant_key != self.entity.guid:
-                    self._offered[sample.key] = (sample.topic_name, sample.type_name)
-        found: dict[str, set[str]] = {}
-        for topic, type_name in self._offered.values():
-            found.setdefault(topic, set()).add(type_name)
-        return found
+        return self._publications.types()
+
+    def requested(self) -> dict[str, set[str]]:
+        """Returns the DDS types under which other participants read, by DDS topic."""
+        return self._subscriptions.types()
 
     def _graph_writer(self, messages: MessageTypes) -> DataWriter[Any]:
         struct = self._samples.struct(_GRAPH_TYPE)

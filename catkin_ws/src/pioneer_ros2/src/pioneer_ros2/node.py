@@ -1,29 +1,33 @@
 """The node ``ros2_door``: topics of this ROS 1 master in a ROS 2 domain, and topics of that domain in this master."""
 
 import os
-import socket
-import threading
-import xmlrpc.client
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import rosgraph
 import rospkg
-import rospy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from pioneer_node.nodes import entry
+from pioneer_node.adapters.node_handle import NodeHandle
+from pioneer_node.adapters.node_process import NodeProcess
+from pioneer_node.core.parameter import config_from_mapping
+from pioneer_node.nodes.node_host import leave
 from pioneer_ros2.error import DoorError, RuleError, TypeUnknownError
 from pioneer_ros2.rule import Export, Import, Rules, exports, imports, rules_from_mapping
+from pioneer_ros2.state import State, StateLog
+from tcpros.node_context import NodeContext
+from tcpros.xmlrpc_client import Server
 
 try:
     from cyclonedds.core import DDSException
 
-    from pioneer_ros2.dds import Participant, Writer
-    from pioneer_ros2.message import MessageTypes
+    from pioneer_ros2.dds import Participant
+    from pioneer_ros2.message import RELEASES, MessageTypes
     from pioneer_ros2.naming import topic_of, type_of
-    from pioneer_ros2.stream import TF, ExportStream, ImportStream
+    from pioneer_ros2.stream import ExportTopic, ImportTopic
 except ImportError as error:
     raise SystemExit(
         f"ros2_door: {error}: './pioneer run roslaunch pioneer_ros2 ros2_door.launch' installs what it needs"
@@ -31,200 +35,288 @@ except ImportError as error:
 
 _LOOK_PERIOD = 1.0
 """How often the ROS 1 master is asked for new topics [s]: it reports them only to nodes that subscribe."""
-_MASTER_ERRORS = (OSError, rosgraph.MasterException, xmlrpc.client.Error, socket.error)
+_TYPES_EVERY = 5
+"""Types are asked for at every so-manieth look even if no registration has changed."""
+_JOIN_PERIOD = 2.0
+"""How often the door tries to join a domain that it cannot join [s]."""
+_SETTLE = 0.05
+"""A change in ROS 2 waits so long for further ones: a node that starts makes many at once [s]."""
 _OWN_TOPICS = {"/rosout", "/rosout_agg", "/diagnostics"}
+_ANY = "*"
+
+
+@dataclass(frozen=True)
+class DoorConfig:
+    """Parameters of the node."""
+
+    rules: str = ""  #: path of a YAML file with rules, see ``pioneer_ros2.rule``; empty: ``config/fleet.yaml``
+    node_name: str = "pioneer_fleet"  #: the node's name in ROS 2
+    release: str = "kilted"  #: release of ROS 2: humble, iron, jazzy or kilted
 
 
 class DoorNode:
     """Carries what its rules name between a ROS 1 master and a ROS 2 domain.
 
-    Publishes: ``/diagnostics`` (diagnostic_msgs/DiagnosticArray): a status for each topic that crosses, once a second.
+    Publishes: ``~topics`` (diagnostic_msgs/DiagnosticArray, latched, on change): state and reason of the door and of
+        each topic; ``/diagnostics``: the same with counters, once a second while there are subscribers.
 
-    Parameters: ``~rules`` (path of a YAML file, see ``pioneer_ros2.rule``; default: ``config/fleet.yaml``),
-        ``~node_name`` (the node's name in ROS 2, "pioneer_fleet").
+    Parameters: the fields of `DoorConfig`, private.
 
     Environment: ``ROS_DOMAIN_ID``, ``ROS_AUTOMATIC_DISCOVERY_RANGE``, ``ROS_LOCALHOST_ONLY``, ``ROS_STATIC_PEERS`` and
         ``CYCLONEDDS_URI``, as in ROS 2; without the last four only this machine is reached.
 
-    Threads: rospy's and Cyclone's threads carry messages; one loop looks for topics, and wakes when endpoints match.
+    Threads: the node's thread does everything but receive from ROS 2, which Cyclone's threads do.
 
-    On error: rules that cannot be read, or a domain that cannot be joined, end the node with one line. A topic that
-        cannot cross is named once in the log and in ``/diagnostics``; the others cross.
+    On error: rules that cannot be read end the node with one line. Everything else is a state with a reason, in the log
+        once: a domain that cannot be joined, a master that does not answer or was restarted, a topic that cannot cross.
     """
 
-    def __init__(self) -> None:
-        self._rules = _rules_from_file(rospy.get_param("~rules", ""))
-        self._wake = threading.Event()
-        self._messages = MessageTypes()
-        domain = _domain_number(os.environ.get("ROS_DOMAIN_ID", "0"))
-        name = str(rospy.get_param("~node_name", "pioneer_fleet"))
-        try:
-            self._participant = Participant(domain, name, self._messages, self._wake.set)
-        except DDSException as problem:
-            raise DoorError(f"cannot join the ROS 2 domain {domain}: {problem}") from None
-        self._exports: dict[str, ExportStream] = {}
-        self._imports: dict[tuple[str, str], ImportStream] = {}  # by topic and type in ROS 2
-        self._problems: dict[str, str] = {}
+    def __init__(self, node: NodeHandle, master: Server) -> None:
+        config = config_from_mapping(DoorConfig, node.parameters(), node.name)
+        if config.release not in RELEASES:
+            known = ", ".join(RELEASES)
+            raise DoorError(f"release must be one of {known}, not '{config.release}'")
+        self._node = node
+        self._master = master
+        self._name = config.node_name
+        self._rules = _rules_from_file(config.rules)
+        self._messages = MessageTypes(config.release, _installed_definition)
+        self._domain = _domain_number(os.environ.get("ROS_DOMAIN_ID", "0"))
+        self._participant: Participant | None = None
+        self._door_problem = "it is starting"
+        self._master_problem = ""
+        self._was_registered = False
+        self._looks = 0
+        self._system_state: Any = None
+        self._types: dict[str, str] = {}
+        self._published: set[str] = set()
+        self._subscribed: set[str] = set()
+        self._exports: dict[str, ExportTopic] = {}  # by topic in ROS 1
+        self._imports: dict[tuple[str, str], ImportTopic] = {}  # by topic and type in ROS 2
+        self._import_problems: dict[str, str] = {}  # by topic in ROS 2
         self._announced: tuple[list[bytes], list[bytes]] | None = None
-        self._master = rosgraph.Master(rospy.get_name())
-        self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=1)
-        entry.on_shutdown(self._wake.set)
-        rospy.loginfo(
-            "ROS 2 domain %d is open: rules of %d topic patterns", domain, _count(self._rules)
+        self._apply_is_due = False
+        self._ended = False
+        self._log = StateLog()
+        self._reported: list[State] = []
+        self._topics = node.advertise("~topics", DiagnosticArray, latch=True)
+        self._diagnostics = node.advertise("/diagnostics", DiagnosticArray)
+        self._join()
+        self._look()
+
+    # The domain
+
+    def _join(self) -> None:
+        """Joins the domain; tries again later if that fails."""
+        if self._ended:
+            return
+        try:
+            self._participant = Participant(self._domain, self._name, self._messages, self._changed)
+        except DDSException as problem:
+            self._door_problem = f"cannot join the ROS 2 domain {self._domain}: {problem}"
+            self._node.call_later(_JOIN_PERIOD, self._join)
+            return
+        self._door_problem = ""
+        count = len(self._rules.out) + len(self._rules.into)
+        self._node.logger.info(
+            "ROS 2 domain %d is open: rules of %d topic patterns", self._domain, count
         )
+        self._apply()
 
-    def spin(self) -> None:
-        """Keeps the streams as the rules and both sides need them, until shutdown."""
-        while not rospy.is_shutdown():
-            self._look()
-            self._report()
-            self._wake.wait(_LOOK_PERIOD)
-            self._wake.clear()
-        for stream in self._streams():
-            stream.close()
-        self._participant.close()
+    def _changed(self) -> None:
+        """Takes up that endpoints in ROS 2 have changed; called in a thread of Cyclone."""
+        self._node.call(self._apply_soon)
 
-    def _streams(self) -> list[ExportStream | ImportStream]:
-        return [*self._exports.values(), *self._imports.values()]
+    def _apply_soon(self) -> None:
+        if not self._apply_is_due:
+            self._apply_is_due = True
+            self._node.call_later(_SETTLE, self._apply)
+
+    # The master
 
     def _look(self) -> None:
-        """Opens and closes streams."""
-        try:
-            publishers, subscribers, _ = self._master.getSystemState()
-            types = dict(self._master.getTopicTypes())
-        except _MASTER_ERRORS as problem:
-            rospy.logwarn_throttle(30.0, f"the ROS 1 master does not answer: {problem}")
+        """Asks the master for topics, once a period."""
+        if self._ended:
             return
-        own = rospy.get_name()
-        published = {
-            topic for topic, nodes in publishers if set(nodes) - {own} and topic not in _OWN_TOPICS
-        }
-        subscribed = {
-            topic for topic, nodes in subscribers if set(nodes) - {own} and topic not in _OWN_TOPICS
-        }
-        self._keep_exports(published, types)
-        self._keep_imports(subscribed)
-        for stream in self._streams():
-            stream.update()
-        self._announce()
+        self._node.call_later(_LOOK_PERIOD, self._look)
+        self._ask_master("getSystemState", self._take_state)
+        self._report()
 
-    def _keep_exports(self, published: set[str], types: dict[str, str]) -> None:
+    def _ask_master(self, method: str, done: Any) -> None:
+        self._master.call(method, (self._node.name,), done, self._no_master)
+
+    def _no_master(self, reason: str) -> None:
+        self._master_problem = f"the ROS 1 master does not answer: {reason}"
+
+    def _take_state(self, state: Any) -> None:
+        self._master_problem = ""
+        self._looks += 1
+        if state == self._system_state and self._looks % _TYPES_EVERY:
+            self._apply()
+            return
+        self._system_state = state
+        publishers, subscribers, _ = state
+        self._check_registration(publishers)
+        self._published = self._others(publishers)
+        self._subscribed = self._others(subscribers)
+        self._ask_master("getTopicTypes", self._take_types)
+
+    def _check_registration(self, publishers: list[tuple[str, list[str]]]) -> None:
+        """Registers again if the master has forgotten this node."""
+        is_registered = any(self._node.name in nodes for _, nodes in publishers)
+        if self._was_registered and not is_registered:
+            self._node.logger.warning("the ROS 1 master was restarted; registering again")
+            self._node.register_again()
+        self._was_registered |= is_registered
+
+    def _others(self, rows: list[tuple[str, list[str]]]) -> set[str]:
+        """Returns the topics that other nodes have."""
+        own = {self._node.name}
+        return {topic for topic, nodes in rows if set(nodes) - own and topic not in _OWN_TOPICS}
+
+    def _take_types(self, types: list[tuple[str, str]]) -> None:
+        self._types = dict(types)
+        self._apply()
+
+    # Topics
+
+    def _apply(self) -> None:
+        """Opens and closes topics as the rules and both sides need them."""
+        self._apply_is_due = False
+        if self._participant is None or self._ended:
+            return
+        self._keep_exports(self._participant)
+        self._keep_imports(self._participant)
+        for topic in (*self._exports.values(), *self._imports.values()):
+            topic.update()
+        self._announce(self._participant)
+
+    def _keep_exports(self, participant: Participant) -> None:
         robots = {
             topic.split("/")[1]
-            for topic in published
+            for topic in self._published
             if topic.endswith("/odom") and topic.count("/") == 2
         }
-        wanted = {export.name: export for export in exports(self._rules, published, robots)}
-        for name in self._exports.keys() - wanted.keys():
-            self._exports.pop(name).close()
-        for name, export in wanted.items():
-            stream = self._exports.get(name)
-            type_name = types.get(export.source, "*")
-            if stream and stream.writer.converter.type_name not in (type_name, "*"):
+        by_source: dict[str, list[Export]] = {}
+        for export in exports(self._rules, self._published, robots):
+            if self._types.get(export.source, _ANY) != _ANY:
+                by_source.setdefault(export.source, []).append(export)
+        for source in self._exports.keys() - by_source.keys():
+            self._exports.pop(source).close()
+        for source, found in by_source.items():
+            type_name = self._types[source]
+            topic = self._exports.get(source)
+            if topic is not None and topic.type_name != type_name:
                 # The publisher came back with another type.
-                self._exports.pop(name).close()
-                stream = None
-            if stream is None and type_name != "*":
-                self._open_export(export, type_name)
+                topic.close()
+                topic = None
+            if topic is None:
+                topic = ExportTopic(self._node, source, type_name)
+                self._exports[source] = topic
+            topic.offer(found, participant, self._messages)
 
-    def _open_export(self, export: Export, type_name: str) -> None:
-        try:
-            if export.robot and type_name != TF:
-                raise TypeUnknownError(f"'{{robot}}' is for {TF}, not for {type_name}")
-            converter = self._messages.converter(type_name, _definition(type_name))
-            writer = Writer(self._participant, export.name, converter, export.qos)
-            self._exports[export.name] = ExportStream(export, writer)
-        except (TypeUnknownError, DDSException) as problem:
-            self._complain(export.name, f"{export.source} does not cross to ROS 2: {problem}")
-            return
-        self._problems.pop(export.name, None)
-
-    def _keep_imports(self, subscribed: set[str]) -> None:
-        offered = self._participant.offered()
-        by_topic = {topic: kinds for name, kinds in offered.items() if (topic := topic_of(name))}
-        wanted: dict[tuple[str, str], Import] = {}
-        for each in imports(self._rules, subscribed, by_topic):
-            for kind in _offered_types(each, by_topic.get(each.name, set())):
-                wanted[each.name, kind] = each
-        for key in self._imports.keys() - wanted.keys():
+    def _keep_imports(self, participant: Participant) -> None:
+        by_topic = _types_by_topic(participant.offered())
+        needed: dict[tuple[str, str], Import] = {}
+        for rule in imports(self._rules, self._subscribed, by_topic):
+            # A publisher that was killed stays known for some seconds, beside one that came back with another type.
+            for type_name in by_topic.get(rule.name) or {rule.type}:
+                needed[rule.name, type_name] = rule
+        for key in self._imports.keys() - needed.keys():
             self._imports.pop(key).close()
-        for (name, kind), each in wanted.items():
-            if (name, kind) not in self._imports:
-                self._open_import(each, kind)
+        problems: dict[str, str] = {}
+        for (name, type_name), rule in needed.items():
+            if (name, type_name) in self._imports:
+                continue
+            try:
+                self._imports[name, type_name] = ImportTopic(
+                    self._node, rule, type_name, participant, self._messages
+                )
+            except TypeUnknownError as problem:
+                problems[name] = str(problem)
+        self._import_problems = problems
 
-    def _open_import(self, wanted: Import, offered: str) -> None:
-        try:
-            stream = ImportStream(wanted, offered, self._participant, self._messages)
-        except (TypeUnknownError, DDSException) as problem:
-            self._complain(wanted.name, f"{wanted.name} does not cross to ROS 1: {problem}")
-            return
-        self._imports[wanted.name, offered] = stream
-        self._problems.pop(wanted.name, None)
-
-    def _complain(self, name: str, text: str) -> None:
-        if self._problems.get(name) != text:
-            self._problems[name] = text
-            rospy.logwarn("%s", text)
-
-    def _announce(self) -> None:
-        readers = sorted(stream.reader.guid for stream in self._imports.values())
-        writers = sorted(stream.writer.guid for stream in self._exports.values())
+    def _announce(self, participant: Participant) -> None:
+        """Announces the node's readers and writers in ROS 2 if they have changed."""
+        outlets = [outlet for topic in self._exports.values() for outlet in topic.outlets.values()]
+        readers = sorted(topic.reader.guid for topic in self._imports.values())
+        writers = sorted(outlet.writer.guid for outlet in outlets)
         if (readers, writers) != self._announced:
-            self._participant.announce(readers, writers)
+            participant.announce(readers, writers)
             self._announced = (readers, writers)
 
-    def _report(self) -> None:
-        if not self._diagnostics.get_num_connections():
+    # Reports
+
+    def _states(self) -> Iterator[State]:
+        yield self._own_state()
+        if self._participant is None:
             return
-        report = DiagnosticArray()
-        report.header.stamp = rospy.Time.now()
-        for name, export in sorted(self._exports.items()):
-            state = "active" if export.is_subscribed else "no reader in ROS 2"
-            report.status.append(
-                _status(f"{export.export.source} to ROS 2 as {name}", state, export)
-            )
-        for (name, _), stream in sorted(self._imports.items()):
-            state = "active" if stream.is_published else "no publisher in ROS 2"
-            report.status.append(
-                _status(f"{name} from ROS 2 as {stream.wanted.target}", state, stream)
-            )
-        for name, text in sorted(self._problems.items()):
-            report.status.append(
-                DiagnosticStatus(DiagnosticStatus.WARN, f"ros2_door: {name}", text, "", [])
-            )
-        self._diagnostics.publish(report)
+        requested = _types_by_topic(self._participant.requested())
+        for _, export in sorted(self._exports.items()):
+            yield from export.states(requested)
+        for _, stream in sorted(self._imports.items()):
+            yield stream.state()
+        for name, text in sorted(self._import_problems.items()):
+            yield State(f"{name} from ROS 2", f"it does not cross: {text}", False)
+
+    def _own_state(self) -> State:
+        problem = self._door_problem or self._master_problem
+        if problem:
+            return State("door", problem, False)
+        return State("door", f"ROS 2 domain {self._domain} is open")
+
+    def _report(self) -> None:
+        """Logs and publishes the states."""
+        states = list(self._states())
+        for state in self._log.changes(states):
+            level = self._node.logger.info if state.is_ok else self._node.logger.warning
+            level("%s: %s", state.name, state.text)
+        plain = [state._replace(values=()) for state in states]
+        if plain != self._reported:
+            self._reported = plain
+            self._topics.publish(self._array(plain))
+        if self._diagnostics.has_subscribers:
+            self._diagnostics.publish(self._array(states))
+
+    def _array(self, states: list[State]) -> DiagnosticArray:
+        array = DiagnosticArray()
+        array.header.stamp = self._node.stamp()
+        for state in states:
+            level = DiagnosticStatus.OK if state.is_ok else DiagnosticStatus.WARN
+            values = [KeyValue(key, value) for key, value in state.values]
+            name = f"ros2_door: {state.name}"
+            array.status.append(DiagnosticStatus(level, name, state.text, "", values))
+        return array
+
+    def end(self, done: Any) -> None:
+        """Leaves both sides, so that peers need not wait for a time-out."""
+        self._ended = True
+        for topic in (*self._exports.values(), *self._imports.values()):
+            topic.close()
+        if self._participant is not None:
+            self._participant.close()
+        done()
 
 
-def _status(name: str, state: str, stream: Any) -> DiagnosticStatus:
-    counter = stream.counter
-    values = [KeyValue("messages", str(counter.crossed))]
-    level = DiagnosticStatus.OK
-    if counter.unreadable:
-        values.append(KeyValue("unreadable", str(counter.unreadable)))
-        state = f"{state}; {counter.unreadable} messages cannot be read: {counter.complaint}"
-        level = DiagnosticStatus.WARN
-    return DiagnosticStatus(level, f"ros2_door: {name}", state, "", values)
+def _types_by_topic(endpoints: dict[str, set[str]]) -> dict[str, set[str]]:
+    """Returns message types by topic of ROS 2, of endpoints with DDS names; what is no topic of ROS is left out."""
+    found: dict[str, set[str]] = {}
+    for dds_name, dds_types in endpoints.items():
+        topic = topic_of(dds_name)
+        if topic is None:
+            continue
+        types = {type_name for dds_type in dds_types if (type_name := type_of(dds_type))}
+        if types:
+            found[topic] = types
+    return found
 
 
-def _offered_types(wanted: Import, kinds: set[str]) -> list[str]:
-    """Returns the types under which ROS 2 sends a topic; the rule's own if none is known.
-
-    A publisher that was killed stays known for some seconds, beside one that came back with another type.
-    """
-    names = [type_of(kind) for kind in sorted(kinds)]
-    return [name for name in names if name] or [wanted.type]
-
-
-def _definition(type_name: str) -> str:
+def _installed_definition(type_name: str) -> str:
     """Returns the definition of a type that is installed here; empty if it is not."""
     import roslib.message
 
     known = roslib.message.get_message_class(type_name)
     return known._full_text if known else ""
-
-
-def _count(rules: Rules) -> int:
-    return len(rules.out) + len(rules.into)
 
 
 def _domain_number(text: str) -> int:
@@ -258,5 +350,10 @@ def _rules_from_file(name: str) -> Rules:
 
 
 def main() -> int:
-    """Runs the node; returns the exit status."""
-    return entry.run("ros2_door", DoorNode, expected=(DoorError,), wall_time=True)
+    """Entry point of the executable ``ros2_door``."""
+    process = NodeProcess(sys.argv, (DoorError,), wall_time=True)
+    context: NodeContext = process.context
+    name = process.own_name("ros2_door")
+    if not process.add(name, lambda node: DoorNode(node, context.master)):
+        process.fail()
+    leave(process.run())

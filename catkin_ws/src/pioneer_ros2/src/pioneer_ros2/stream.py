@@ -1,126 +1,118 @@
-"""One topic that crosses: from ROS 1 to ROS 2 while ROS 2 reads it, or the other way while ROS 2 writes it."""
+"""Topics that cross: from ROS 1 to ROS 2 while ROS 2 reads them, or the other way while ROS 2 writes them."""
 
 import struct
-import threading
 import time
-from collections.abc import Callable
-from typing import Any
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
-import genpy
-import roslib.message
-import rospy
-from rosbags.serde import SerdeError
-
-from pioneer_ros2.dds import Participant, Reader, Writer
+from pioneer_node.adapters.node_handle import NodeHandle, Publisher, Subscriber
+from pioneer_ros2.dds import DURABILITY, RELIABILITY, Participant, Reader, Writer
 from pioneer_ros2.error import TypeUnknownError
-from pioneer_ros2.message import Converter, MessageTypes
+from pioneer_ros2.message import Bytes, Converter, MessageTypes, Ros1Kind
 from pioneer_ros2.rule import Export, Import, Qos
-from pioneer_ros2.transform import StaticFrames, message_of, transforms_in, without_prefix
+from pioneer_ros2.state import State
+from pioneer_ros2.transcoder import MalformedError
+from pioneer_ros2.transform import StaticFrames, by_robot, message_of
 
 TF = "tf2_msgs/TFMessage"
 _TWIST = "geometry_msgs/Twist"
 _TWIST_SIZE = 48
-_QUEUE = 10
-_UNREADABLE = (SerdeError, struct.error, UnicodeDecodeError, ValueError, IndexError)
-
-
-class RawMessage(genpy.Message):  # type: ignore[misc]
-    """A message that is encoded already; ``raw_class`` makes one for each type."""
-
-    __slots__ = ["data"]
-    _slot_types = ("uint8[]",)
-    _has_header = False
-    _type = "*"
-    _md5sum = "*"
-    _full_text = ""
-
-    def __init__(self, data: bytes = b"") -> None:
-        self.data = data
-
-    def serialize(self, buff: Any) -> None:
-        """Writes the bytes."""
-        buff.write(self.data)
-
-    def deserialize(self, data: bytes) -> "RawMessage":
-        """Keeps the bytes."""
-        self.data = bytes(data)
-        return self
-
-
-def raw_class(type_name: str) -> type[RawMessage]:
-    """Returns a class whose messages go out as ``type_name``, from bytes.
-
-    Raises:
-        TypeUnknownError: the type's package is not installed here.
-    """
-    known = roslib.message.get_message_class(type_name)
-    if known is None:
-        raise TypeUnknownError(f"{type_name} is not installed on this computer")
-    attributes = {
-        "__slots__": [],
-        "_type": known._type,
-        "_md5sum": known._md5sum,
-        "_full_text": known._full_text,
-        "__doc__": f"{type_name} as bytes.",
-    }
-    return type(type_name.split("/")[1], (RawMessage,), attributes)
+_LENGTH = struct.Struct("<I")
+_QUEUE = 64
+"""Messages of one topic of ROS 2 that wait for the node's thread; beyond them, the oldest are dropped."""
+_STAYS_FLOODED = 5.0
+"""A topic counts as flooded for this long after the last dropped message [s]."""
+_UNREADABLE = (MalformedError, struct.error, UnicodeDecodeError)
 
 
 class Counter:
-    """Messages that crossed, and those that could not be converted."""
+    """Messages of one topic that crossed, and those that did not."""
 
     def __init__(self) -> None:
         self.crossed = 0
         self.unreadable = 0
         self.complaint = ""  #: why the last unreadable one was
+        self.dropped = 0
+        self._flooded_until = 0.0
 
-
-class ExportStream:
-    """Carries a topic of ROS 1 to ROS 2; subscribes in ROS 1 while there is a reader, or always if it is latched."""
-
-    def __init__(self, export: Export, writer: Writer) -> None:
-        self.export = export
-        self.counter = Counter()
-        self.writer = writer
-        self._subscriber: rospy.Subscriber | None = None
-        self._statics = (
-            StaticFrames()
-            if export.qos is Qos.LATCHED and writer.converter.type_name == TF
-            else None
-        )
-        self._period = 1.0 / export.rate if export.rate else 0.0
-        self._due = 0.0
-        self._lock = threading.Lock()
+    def drop(self, count: int = 1) -> None:
+        """Counts messages that were dropped because one side is too slow."""
+        self.dropped += count
+        self._flooded_until = time.monotonic() + _STAYS_FLOODED
 
     @property
-    def is_subscribed(self) -> bool:
-        """Whether the topic is subscribed in ROS 1."""
-        return self._subscriber is not None
+    def is_flooded(self) -> bool:
+        """Whether messages were dropped a short time ago."""
+        return self.dropped > 0 and time.monotonic() < self._flooded_until
+
+    def unreadable_message(self, error: Exception) -> None:
+        """Counts a message that does not follow its type."""
+        self.unreadable += 1
+        self.complaint = str(error)
+
+    def state(self, name: str, text: str) -> State:
+        """Returns the state of the counter's topic: ``text`` unless messages were unreadable or dropped."""
+        values = [("messages", str(self.crossed))]
+        is_ok = True
+        if self.unreadable:
+            values.append(("unreadable", str(self.unreadable)))
+            text = f"messages cannot be read: {self.complaint}"
+            is_ok = False
+        if self.dropped:
+            values.append(("dropped", str(self.dropped)))
+        if self.is_flooded:
+            text = "messages are dropped: they come faster than the other side takes them"
+            is_ok = False
+        return State(name, text, is_ok, tuple(values))
+
+
+class Outlet:
+    """One topic in ROS 2 to which a topic of ROS 1 goes."""
+
+    def __init__(self, participant: Participant, export: Export, converter: Converter) -> None:
+        self.export = export
+        self.writer = Writer(participant, export.name, converter, export.qos)
+        self.counter = Counter()
+        self._participant = participant
+        self._converter = converter
+        self._to_cdr = converter.to_cdr
+        self._period = 1.0 / export.rate if export.rate else 0.0
+        self._due = 0.0
+        is_static = export.qos is Qos.LATCHED and converter.type_name == TF
+        self._statics = StaticFrames() if is_static else None
+        self.has_readers = False
+
+    @property
+    def is_needed(self) -> bool:
+        """Whether ROS 2 reads the topic, or may later ask for its last message."""
+        return self.has_readers or self.export.qos is Qos.LATCHED
 
     def update(self) -> None:
-        """Subscribes or unsubscribes in ROS 1, as the readers in ROS 2 need it."""
-        needed = self.writer.readers > 0 or self.export.qos is Qos.LATCHED
-        if needed and self._subscriber is None:
-            self._subscriber = rospy.Subscriber(
-                self.export.source, rospy.AnyMsg, self._carry, queue_size=_QUEUE, tcp_nodelay=True
-            )
-        elif not needed and self._subscriber is not None:
-            self._subscriber.unregister()
-            self._subscriber = None
+        """Looks at the readers; offers the topic with another quality of service if they request it."""
+        self.has_readers = self.writer.readers > 0
+        if self.writer.refused != DURABILITY or self.export.qos is Qos.LATCHED:
+            return
+        # A reader asks for the last message at once (transient local). Other readers accept such an offer too.
+        self.export = replace(self.export, qos=Qos.LATCHED)
+        self.writer.close()
+        self.writer = Writer(self._participant, self.export.name, self._converter, self.export.qos)
 
-    def _carry(self, message: rospy.AnyMsg) -> None:
-        # Several publishers of a topic call from several threads.
-        with self._lock:
-            if self._period and not self._is_due():
-                return
-            try:
-                data = self._filtered(message._buff)
-                if data is not None:
-                    self.writer.write(self.writer.converter.to_cdr(data))
-                    self.counter.crossed += 1
-            except _UNREADABLE as error:
-                self.counter.unreadable += 1
-                self.counter.complaint = str(error)
+    def carry(self, data: bytes | memoryview) -> None:
+        """Converts a message and sends it."""
+        if self._period and not self._is_due():
+            return
+        try:
+            if self._statics is not None:
+                data = self._statics.merged(bytes(data))
+            cdr = self._to_cdr(data)
+        except _UNREADABLE as error:
+            self.counter.unreadable_message(error)
+            return
+        if self.writer.write(cdr):
+            self.counter.crossed += 1
+        else:
+            self.counter.drop()
 
     def _is_due(self) -> bool:
         now = time.monotonic()
@@ -130,79 +122,221 @@ class ExportStream:
         self._due = max(self._due + self._period, now)
         return True
 
-    def _filtered(self, data: bytes) -> bytes | None:
-        """Returns the message as it crosses; None if nothing of it does."""
-        if self.export.robot:
-            kept = list(without_prefix(transforms_in(data), self.export.robot))
-            if not kept:
-                return None
-            data = message_of(kept)
-        return self._statics.merged(data) if self._statics else data
+    def state(self, requested: Mapping[str, set[str]]) -> State:
+        """Returns what the topic does.
+
+        Args:
+            requested: types under which ROS 2 reads topics, by topic.
+        """
+        name = f"{self.export.source} to ROS 2 as {self.export.name}"
+        own = self._converter.type_name
+        others = sorted(requested.get(self.export.name, set()) - {own})
+        refused = self.writer.refused
+        if others:
+            return State(name, f"ROS 2 reads it as {', '.join(others)}, but it is {own}", False)
+        if refused:
+            text = f"a reader in ROS 2 was refused: it requests another {refused} than is offered"
+            return State(name, text, False)
+        return self.counter.state(name, "active" if self.has_readers else "no reader in ROS 2")
+
+
+class ExportTopic:
+    """A topic of ROS 1 that is offered in ROS 2, under one name or several; subscribed only while somebody reads it."""
+
+    def __init__(self, node: NodeHandle, source: str, type_name: str) -> None:
+        self.source = source
+        self.type_name = type_name
+        self.outlets: dict[str, Outlet] = {}
+        self._node = node
+        self._kind = Ros1Kind(type_name)
+        self._subscriber: Subscriber | None = None
+        self._problem = ""
+
+    def offer(
+        self,
+        exports: Sequence[Export],
+        participant: Participant,
+        messages: MessageTypes,
+    ) -> None:
+        """Opens and closes outlets, so that they are those of ``exports``."""
+        names = {export.name for export in exports}
+        for name in self.outlets.keys() - names:
+            self.outlets.pop(name).writer.close()
+        self._problem = ""
+        missing = [export for export in exports if export.name not in self.outlets]
+        for export in missing:
+            try:
+                if export.robot and self.type_name != TF:
+                    raise TypeUnknownError(f"'{{robot}}' is for {TF}, not for {self.type_name}")
+                converter = messages.converter(self.type_name, self._definition())
+                self._know(messages.ros1_kind(self.type_name))
+                self.outlets[export.name] = Outlet(participant, export, converter)
+            except TypeUnknownError as error:
+                self._problem = str(error)
+
+    def _definition(self) -> str:
+        """Returns the type's definition as a publisher sends it; empty until one is connected."""
+        headers = self._subscriber.headers if self._subscriber is not None else []
+        for header in headers:
+            if header.get("type") == self.type_name:
+                return header.get("message_definition", "")
+        return ""
+
+    def _know(self, kind: Ros1Kind) -> None:
+        """Subscribes from now on with the type's checksum, so that a publisher of another definition is refused."""
+        if self._kind._md5sum != kind._md5sum:
+            self._kind = kind
+            self._unsubscribe()
+
+    def update(self) -> None:
+        """Subscribes or unsubscribes as ROS 2 needs it."""
+        for outlet in self.outlets.values():
+            outlet.update()
+        # Without its definition, a type is unknown until a publisher is connected.
+        needed = not self.outlets or any(outlet.is_needed for outlet in self.outlets.values())
+        if needed and self._subscriber is None:
+            self._subscriber = self._node.subscribe_serialised(self.source, self._kind, self._carry)
+        elif not needed:
+            self._unsubscribe()
+
+    def _unsubscribe(self) -> None:
+        if self._subscriber is not None:
+            self._subscriber.close()
+            self._subscriber = None
+
+    def _carry(self, data: bytes | memoryview, _sender: str) -> None:
+        robots: dict[str, bytes] | None = None
+        for outlet in self.outlets.values():
+            if not outlet.is_needed:
+                continue
+            if not outlet.export.robot:
+                outlet.carry(data)
+                continue
+            if robots is None:
+                robots = self._robots_transforms(data)
+            if outlet.export.robot in robots:
+                outlet.carry(robots[outlet.export.robot])
+
+    def _robots_transforms(self, data: bytes | memoryview) -> dict[str, bytes]:
+        try:
+            transforms = by_robot(bytes(data))
+        except _UNREADABLE as error:
+            for outlet in self.outlets.values():
+                outlet.counter.unreadable_message(error)
+            return {}
+        return {robot: message_of(found) for robot, found in transforms.items()}
+
+    def states(self, requested: Mapping[str, set[str]]) -> Iterator[State]:
+        """Yields the state of each outlet, and a problem with the whole topic."""
+        for outlet in self.outlets.values():
+            yield outlet.state(requested)
+        if self._problem:
+            yield State(f"{self.source} to ROS 2", f"it does not cross: {self._problem}", False)
 
     def close(self) -> None:
         """Ends both sides."""
-        if self._subscriber is not None:
-            self._subscriber.unregister()
-        self.writer.close()
+        self._unsubscribe()
+        for outlet in self.outlets.values():
+            outlet.writer.close()
+        self.outlets.clear()
 
 
-class ImportStream:
-    """Carries a topic of ROS 2 to ROS 1; publishes in ROS 1 while there is a writer."""
+class ImportTopic:
+    """A topic of ROS 2 under one of its types, for ROS 1; published there while there is a writer in ROS 2.
+
+    Args:
+        node: the door's node.
+        rule: topic, names and type.
+        offered: type in ROS 2.
+        participant: the door's.
+        messages: definitions of types.
+
+    Raises:
+        TypeUnknownError: a type is unknown, or the types do not fit.
+    """
 
     def __init__(
         self,
-        wanted: Import,
+        node: NodeHandle,
+        rule: Import,
         offered: str,
         participant: Participant,
         messages: MessageTypes,
     ) -> None:
-        self.wanted = wanted
-        self.offered = offered  #: type in ROS 2
+        self.rule = rule
         self.counter = Counter()
-        self._raw = raw_class(wanted.type)
-        known = roslib.message.get_message_class(offered)
-        converter = messages.converter(offered, known._full_text if known else "")
-        self._to_ros1 = _conversion(converter, wanted.type)
-        self._publisher: rospy.Publisher | None = None
-        self.reader = Reader(participant, wanted.name, converter, wanted.qos, self._carry)
-
-    @property
-    def is_published(self) -> bool:
-        """Whether the topic is published in ROS 1."""
-        return self._publisher is not None
+        self._node = node
+        self._participant = participant
+        self._kind = messages.ros1_kind(rule.type)
+        self._converter = messages.converter(offered)
+        self._to_ros1 = _conversion(self._converter, rule.type)
+        self._publisher: Publisher | None = None
+        self._arrived: deque[bytes] = deque(maxlen=_QUEUE)
+        self.reader = Reader(participant, rule.name, self._converter, rule.qos, self._receive)
 
     def update(self) -> None:
-        """Advertises or withdraws the topic in ROS 1, as there are writers in ROS 2."""
-        if self.reader.writers and self._publisher is None:
-            self._publisher = rospy.Publisher(
-                self.wanted.target, self._raw, queue_size=_QUEUE, tcp_nodelay=True
+        """Advertises or withdraws the topic in ROS 1, and reads with less reliability if a writer offers no more."""
+        if self.reader.refused == RELIABILITY:
+            # A writer is best effort; a best-effort reader gets the messages of reliable writers too.
+            self.reader.close()
+            self.reader = Reader(
+                self._participant, self.rule.name, self._converter, Qos.SENSOR, self._receive
             )
-        elif not self.reader.writers and self._publisher is not None:
-            publisher = self._publisher
+        has_writers = self.reader.writers > 0
+        if has_writers and self._publisher is None:
+            self._publisher = self._node.advertise(self.rule.target, self._kind)
+        elif not has_writers and self._publisher is not None:
+            self._publisher.close()
             self._publisher = None
-            publisher.unregister()
 
-    def _carry(self, cdr: bytes) -> None:
-        publisher = self._publisher
-        if publisher is None:
+    def _receive(self, cdr: bytes) -> None:
+        """Takes a message, in a thread of Cyclone, and wakes the node's thread."""
+        if len(self._arrived) == _QUEUE:
+            self.counter.drop()
+        self._arrived.append(cdr)
+        if len(self._arrived) == 1:
+            self._node.call(self._forward)
+
+    def _forward(self) -> None:
+        """Sends what has arrived to ROS 1."""
+        for _ in range(_QUEUE):
+            if not self._arrived:
+                return
+            self._forward_one(self._arrived.popleft())
+        # A flood must not keep the node's thread from everything else.
+        self._node.call(self._forward)
+
+    def _forward_one(self, cdr: bytes) -> None:
+        if self._publisher is None:
             return
         try:
-            publisher.publish(self._raw(self._to_ros1(cdr)))
-            self.counter.crossed += 1
+            message = self._to_ros1(cdr)
         except _UNREADABLE as error:
-            self.counter.unreadable += 1
-            self.counter.complaint = str(error)
-        except rospy.ROSException as error:  # withdrawn at this moment
-            self.counter.complaint = str(error)
+            self.counter.unreadable_message(error)
+            return
+        self._publisher.send(_LENGTH.pack(len(message)) + message)
+        self.counter.crossed += 1
+
+    def state(self) -> State:
+        """Returns what the topic does."""
+        name = f"{self.rule.name} from ROS 2 as {self.rule.target}"
+        if self.reader.refused:
+            text = f"a publisher in ROS 2 is refused: it offers another {self.reader.refused}"
+            return State(name, text, False)
+        if self._publisher is None:
+            return self.counter.state(name, "no publisher in ROS 2")
+        if not self._publisher.has_subscribers:
+            return self.counter.state(name, "no subscriber in ROS 1")
+        return self.counter.state(name, "active")
 
     def close(self) -> None:
         """Ends both sides."""
         self.reader.close()
         if self._publisher is not None:
-            self._publisher.unregister()
+            self._publisher.close()
 
 
-def _conversion(converter: Converter, target: str) -> Callable[[bytes], bytes]:
+def _conversion(converter: Converter, target: str) -> Bytes:
     """Returns the conversion to the type ``target`` of ROS 1.
 
     Raises:

@@ -14,11 +14,11 @@ _TRANSLATION_AND_ROTATION = 56
 
 
 class Transform(NamedTuple):
-    """One transform of a TFMessage."""
+    """One transform of a TFMessage; its frames are UTF-8."""
 
     stamp: bytes  #: sequence number and stamp as they were
-    parent: str
-    child: str
+    parent: bytes
+    child: bytes
     pose: bytes  #: translation and rotation, seven doubles
 
 
@@ -27,7 +27,6 @@ def transforms_in(message: bytes) -> Iterator[Transform]:
 
     Raises:
         struct.error: the message ends early.
-        UnicodeDecodeError: a frame's name is not UTF-8.
     """
     (count,) = _LENGTH.unpack_from(message)
     start = _LENGTH.size
@@ -43,46 +42,61 @@ def transforms_in(message: bytes) -> Iterator[Transform]:
         yield Transform(stamp, parent, child, pose)
 
 
-def _string(message: bytes, start: int) -> tuple[str, int]:
+def _string(message: bytes, start: int) -> tuple[bytes, int]:
     """Returns the string at ``start``, and where it ends."""
     (length,) = _LENGTH.unpack_from(message, start)
     end = start + _LENGTH.size + length
-    return message[start + _LENGTH.size : end].decode(), end
+    return message[start + _LENGTH.size : end], end
 
 
 def message_of(transforms: Iterable[Transform]) -> bytes:
     """Returns the TFMessage with these transforms."""
     parts = []
     count = 0
-    for transform in transforms:
+    for stamp, parent, child, pose in transforms:
         count += 1
-        parts.append(transform.stamp)
-        for frame in (transform.parent, transform.child):
-            encoded = frame.encode()
-            parts.append(_LENGTH.pack(len(encoded)))
-            parts.append(encoded)
-        parts.append(transform.pose)
+        parts += (
+            stamp,
+            _LENGTH.pack(len(parent)),
+            parent,
+            _LENGTH.pack(len(child)),
+            child,
+            pose,
+        )
     return _LENGTH.pack(count) + b"".join(parts)
 
 
-def without_prefix(transforms: Iterable[Transform], prefix: str) -> Iterator[Transform]:
-    """Yields the transforms whose child frame is ``prefix/…``, with the prefix taken off both frames."""
-    start = f"{prefix}/"
-    for transform in transforms:
-        if transform.child.startswith(start):
-            parent = transform.parent.removeprefix(start)
-            child = transform.child.removeprefix(start)
-            yield transform._replace(parent=parent, child=child)
+def by_robot(message: bytes) -> dict[str, list[Transform]]:
+    """Returns the transforms of a TFMessage by robot, with the robot's prefix taken off both frames.
+
+    Transforms whose child frame has no prefix belong to no robot.
+
+    Raises:
+        struct.error: the message ends early.
+        UnicodeDecodeError: a prefix is not UTF-8.
+    """
+    found: dict[str, list[Transform]] = {}
+    for stamp, parent, child, pose in transforms_in(message):
+        robot, slash, frame = child.partition(b"/")
+        if not slash:
+            continue
+        plain = Transform(stamp, parent.removeprefix(robot + slash), frame, pose)
+        found.setdefault(robot.decode(), []).append(plain)
+    return found
 
 
 class StaticFrames:
     """The newest static transform of each child frame: several broadcasters in ROS 1 are one in ROS 2."""
 
     def __init__(self) -> None:
-        self._frames: dict[str, Transform] = {}
+        self._frames: dict[bytes, Transform] = {}
 
     def merged(self, message: bytes) -> bytes:
-        """Takes a TFMessage up; returns one with all frames that are known."""
-        for transform in transforms_in(message):
+        """Takes a TFMessage up; returns one with all frames that are known.
+
+        Raises:
+            struct.error: the message ends early; nothing is taken up.
+        """
+        for transform in list(transforms_in(message)):
             self._frames[transform.child] = transform
         return message_of(self._frames.values())

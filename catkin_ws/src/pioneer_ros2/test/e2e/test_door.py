@@ -52,7 +52,12 @@ class Program:
                 self.newest[message["topic"]] = message["values"]
 
     def waits_for(self, topic: str, values: list[Any]) -> None:
-        wait_until(lambda: self.newest.get(topic) == values, f"{values} on {topic}", CROSSES)
+        wait_until(
+            lambda: self.newest.get(topic) == values or self.process.poll() is not None,
+            f"{values} on {topic}",
+            CROSSES,
+        )
+        assert self.newest.get(topic) == values, "the program has ended"
 
     def end(self, number: int = signal.SIGINT) -> None:
         if self.process.poll() is None:

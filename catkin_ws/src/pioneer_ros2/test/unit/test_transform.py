@@ -8,7 +8,7 @@ import pytest
 from geometry_msgs.msg import TransformStamped
 from tf2_msgs.msg import TFMessage
 
-from pioneer_ros2.transform import StaticFrames, message_of, transforms_in, without_prefix
+from pioneer_ros2.transform import StaticFrames, by_robot, message_of, transforms_in
 
 
 def encoded(*frames: tuple[str, str, float]) -> bytes:
@@ -39,12 +39,19 @@ def test_what_is_read_is_written_again() -> None:
     assert message_of(transforms_in(data)) == data
 
 
-def test_a_robot_s_transforms_lose_its_prefix_and_others_are_left_out() -> None:
+def test_each_robot_s_transforms_lose_its_prefix() -> None:
     data = encoded(
         ("map", "p1/odom", 1.0), ("p1/odom", "p1/base_link", 2.0), ("map", "p10/odom", 3.0)
     )
-    kept = decoded(message_of(without_prefix(transforms_in(data), "p1")))
-    assert kept == [("map", "odom", 1.0), ("odom", "base_link", 2.0)]
+    robots = {robot: decoded(message_of(found)) for robot, found in by_robot(data).items()}
+    assert robots == {
+        "p1": [("map", "odom", 1.0), ("odom", "base_link", 2.0)],
+        "p10": [("map", "odom", 3.0)],
+    }
+
+
+def test_a_frame_without_prefix_belongs_to_no_robot() -> None:
+    assert by_robot(encoded(("map", "odom", 1.0))) == {}
 
 
 def test_static_frames_of_several_publishers_are_kept_the_newest_of_each() -> None:

@@ -14,8 +14,12 @@ from tcpros.header import header_bytes
 
 CONTROL = 0xFFFFFFFF
 CONTROL_MARK = b"\xff\xff\xff\xff"
+
 LENGTH_SIZE = 4
 """Size of a frame's length [bytes]."""
+
+MAX_MESSAGE = 256 * 2**20
+"""Maximum size of a node's message [bytes]."""
 
 LARGE = 512 * 1024
 """Minimum size from which splicing a message is cheaper than reading it (measured) [bytes]."""

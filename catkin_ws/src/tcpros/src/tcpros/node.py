@@ -12,6 +12,7 @@ from typing import Any
 
 from tcpros.error import TcprosError
 from tcpros.fanout import Fanout
+from tcpros.frame import MAX_MESSAGE
 from tcpros.header import header_bytes
 from tcpros.node_context import NodeContext
 from tcpros.node_port import Ended, NodePort, RefusedError
@@ -20,9 +21,6 @@ from tcpros.service_call import failure
 from tcpros.stream import Stream
 from tcpros.topic_source import Taken, TopicSource
 from tcpros.xmlrpc_client import NoAnswer
-
-MAX_MESSAGE = 256 * 2**20
-"""Maximum message size [bytes]."""
 
 QUEUE_MESSAGES, QUEUE_BYTES = 100, 2**20
 """Queue limits for one slow subscriber; beyond them, the oldest messages are dropped."""
@@ -65,6 +63,11 @@ class Publication:
     def send(self, frame: bytes) -> None:
         """Sends a frame (length and serialized message) to all subscribers."""
         self._fanout.feed(memoryview(frame))
+
+    def close(self) -> None:
+        """Closes the connections of all subscribers."""
+        for connection in tuple(self.subscribers):
+            connection.close("")
 
     def admit(self, connection: Stream, fields: Mapping[str, str]) -> Ended:
         """Accepts a subscriber with its connection header. Raises RefusedError if the type differs."""
@@ -169,6 +172,7 @@ class Node:
         self._published: dict[str, Publication] = {}
         self._subscribed: dict[str, TopicSource] = {}
         self._left: set[str] = set()
+        self._withdrawn: set[str] = set()
         self._services: dict[str, Service] = {}
         self._watched: dict[str, Callable[[Any], object]] = {}
         self._unanswered = self._in_flight = 0
@@ -187,6 +191,19 @@ class Node:
         publication = self._published[topic] = Publication(self.name, topic, kind, latching)
         self._register("registerPublisher", topic, kind._type, self.uri)
         return publication
+
+    def unpublish(self, topic: str) -> None:
+        """Withdraws a published topic."""
+        self._published.pop(topic).close()
+        self._withdrawn.add(topic)
+        # The master may execute calls in another order than they were made.
+        self.when_registered(self._unregister_withdrawn)
+
+    def _unregister_withdrawn(self) -> None:
+        withdrawn = self._withdrawn - self._published.keys()
+        self._withdrawn = set()
+        for topic in withdrawn:
+            self._register("unregisterPublisher", topic, self.uri)
 
     def subscribe(self, topic: str, kind: Any, taken: Taken) -> TopicSource:
         """Subscribes to a topic, given its resolved name; returns its connections."""
@@ -270,7 +287,10 @@ class Node:
             unregister()
 
     def _unregister_all(self, done: Callable[[], object]) -> None:
-        calls = [("unregisterPublisher", topic, self.uri) for topic in self._published]
+        calls = [
+            ("unregisterPublisher", topic, self.uri)
+            for topic in self._published.keys() | self._withdrawn
+        ]
         calls += [
             ("unregisterSubscriber", topic, self.uri)
             for topic in self._subscribed.keys() | self._left

@@ -1,6 +1,7 @@
 """A node registers at the master and unregisters."""
 
 import logging
+import random
 import threading
 from collections.abc import Iterator
 from socketserver import ThreadingMixIn
@@ -9,9 +10,11 @@ from xmlrpc.server import SimpleXMLRPCServer
 import pytest
 from std_msgs.msg import String
 
+from tcpros.frame import MAX_MESSAGE
 from tcpros.node import Node
 from tcpros.node_context import NodeContext
-from tcpros.reactor import Reactor
+from tcpros.reactor import BUFFER_SIZE, Reactor
+from tcpros.topic_source import Sender
 
 SLOW = 0.5
 """How long the master takes to register [s], unless the node unregisters meanwhile."""
@@ -93,3 +96,84 @@ def test_a_node_that_ends_with_a_subscription_that_just_ended_leaves_none(
     node.close(context.reactor.stop)
     run_for(context)
     assert master.executed == ["registerSubscriber", "unregisterSubscriber"]
+
+
+def test_a_withdrawn_topic_is_unregistered_and_its_subscribers_are_disconnected(
+    master: SlowMaster, context: NodeContext
+) -> None:
+    sender = Node(context, "/sender", lambda _: None)
+    receiver = Node(context, "/receiver", lambda _: None)
+    publication = sender.publish("/words", String)
+    receiver.subscribe("/words", String, lambda *_: None).update([sender.uri])
+
+    def withdraw_once_connected() -> None:
+        if not publication.subscribers:
+            context.reactor.call_later(0.01, withdraw_once_connected)
+            return
+        sender.unpublish("/words")
+        receiver.close(lambda: None)
+        sender.when_registered(lambda: sender.close(context.reactor.stop))
+
+    withdraw_once_connected()
+    run_for(context)
+    assert not publication.subscribers
+    assert master.executed.count("unregisterPublisher") == 1
+
+
+@pytest.mark.parametrize("size", [10, BUFFER_SIZE // 4, BUFFER_SIZE, 5_000_000])
+def test_messages_of_any_size_arrive_whole_and_in_order(context: NodeContext, size: int) -> None:
+    source = random.Random(size)
+    sent = [source.randbytes(length) for length in (3, size, 5, size, size + 1, 0)]
+    received = []
+    sender = Node(context, "/sender", lambda _: None)
+    receiver = Node(context, "/receiver", lambda _: None)
+    publication = sender.publish("/words", String)
+
+    def take(message: memoryview, _sender: Sender) -> None:
+        received.append(bytes(message))
+        if len(received) == len(sent):
+            receiver.close(lambda: sender.close(context.reactor.stop))
+
+    receiver.subscribe("/words", String, take).update([sender.uri])
+
+    def send_once_connected() -> None:
+        if not publication.subscribers:
+            context.reactor.call_later(0.01, send_once_connected)
+            return
+        for connection in publication.subscribers:
+            connection.backlog.bound(len(sent), sum(map(len, sent)) + 1000, drops_first=True)
+        for message in sent:
+            publication.send(len(message).to_bytes(4, "little") + message)
+
+    send_once_connected()
+    run_for(context)
+    assert received == sent
+
+
+def test_a_message_longer_than_allowed_ends_the_connection_and_pauses_grow(
+    context: NodeContext, caplog: pytest.LogCaptureFixture
+) -> None:
+    sender = Node(context, "/sender", lambda _: None)
+    receiver = Node(context, "/receiver", lambda _: None)
+    publication = sender.publish("/words", String)
+    receiver.subscribe("/words", String, lambda *_: None).update([sender.uri])
+    refused = []
+
+    def send() -> None:
+        for connection in tuple(publication.subscribers):
+            if connection not in refused:
+                refused.append(connection)
+                connection.send((MAX_MESSAGE + 1).to_bytes(4, "little"))
+
+    def repeat() -> None:
+        send()
+        if len(refused) < 3:
+            context.reactor.call_later(0.005, repeat)
+        else:
+            receiver.close(lambda: sender.close(context.reactor.stop))
+
+    repeat()
+    run_for(context)
+    lines = [record.getMessage() for record in caplog.records if "gets no" in record.getMessage()]
+    assert len(lines) == 1
+    assert f"a message of {MAX_MESSAGE + 1} bytes, above {MAX_MESSAGE}" in lines[0]

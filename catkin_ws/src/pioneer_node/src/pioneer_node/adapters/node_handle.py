@@ -91,11 +91,18 @@ class Publisher:
     """A topic that a node publishes."""
 
     def __init__(
-        self, publication: Publication, topic: str, latched: bool, lockstep: Lockstep | None
+        self,
+        node: Node,
+        publication: Publication,
+        topic: str,
+        latched: bool,
+        lockstep: Lockstep | None,
     ) -> None:
         self.topic = topic  #: its resolved name
         self.latched = latched  #: whether new subscribers get the last message
-        self._publication, self._lockstep = publication, lockstep
+        self._node = node
+        self._publication = publication
+        self._lockstep = lockstep
 
     def publish(self, message: Any) -> None:
         """Sends a message to all subscribers."""
@@ -119,6 +126,10 @@ class Publisher:
     def reaches(self, node: str) -> bool:
         """Returns whether ``node`` is connected as a subscriber."""
         return node in self._publication.subscribers.values()
+
+    def close(self) -> None:
+        """Withdraws the topic."""
+        self._node.unpublish(self.topic)
 
 
 class Ticker:
@@ -286,7 +297,8 @@ class NodeHandle:
     def advertise(self, topic: str, kind: Any, latch: bool = False) -> Publisher:
         """Returns a new publisher; with ``latch`` each new subscriber gets the last message."""
         name = self.resolved(topic)
-        return Publisher(self._node.publish(name, kind, latch), name, latch, self.lockstep)
+        publication = self._node.publish(name, kind, latch)
+        return Publisher(self._node, publication, name, latch, self.lockstep)
 
     def subscribe(self, topic: str, kind: Any, take: Callable[[Any, str], object]) -> "Subscriber":
         """Subscribes; calls ``take`` with each message and the name of the node that sent it."""
@@ -359,6 +371,11 @@ class Subscriber:
     def hears(self, node: str) -> bool:
         """Returns whether a publisher of ``node`` is connected."""
         return self._source is not None and node in self._source.publisher_names
+
+    @property
+    def headers(self) -> list[dict[str, str]]:
+        """The connection headers of the connected publishers, with their messages' definition."""
+        return [] if self._source is None else self._source.headers
 
     def close(self) -> None:
         """Ends the subscription."""
