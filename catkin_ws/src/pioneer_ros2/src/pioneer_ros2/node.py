@@ -187,9 +187,12 @@ class DoorNode:
             return
         self._keep_exports(self._participant)
         self._keep_imports(self._participant)
-        for topic in (*self._exports.values(), *self._imports.values()):
+        for topic in self._all_topics():
             topic.update()
         self._announce(self._participant)
+
+    def _all_topics(self) -> list[ExportTopic | ImportTopic]:
+        return [*self._exports.values(), *self._imports.values()]
 
     def _keep_exports(self, participant: Participant) -> None:
         robots = {
@@ -291,7 +294,7 @@ class DoorNode:
     def end(self, done: Any) -> None:
         """Leaves both sides, so that peers need not wait for a time-out."""
         self._ended = True
-        for topic in (*self._exports.values(), *self._imports.values()):
+        for topic in self._all_topics():
             topic.close()
         if self._participant is not None:
             self._participant.close()

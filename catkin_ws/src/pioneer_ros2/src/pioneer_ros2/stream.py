@@ -9,10 +9,10 @@ from dataclasses import replace
 from pioneer_node.adapters.node_handle import NodeHandle, Publisher, Subscriber
 from pioneer_ros2.dds import DURABILITY, RELIABILITY, Participant, Reader, Writer
 from pioneer_ros2.error import TypeUnknownError
-from pioneer_ros2.message import Bytes, Converter, MessageTypes, Ros1Kind
+from pioneer_ros2.message import Converter, MessageTypes, Ros1Kind
 from pioneer_ros2.rule import Export, Import, Qos
 from pioneer_ros2.state import State
-from pioneer_ros2.transcoder import MalformedError
+from pioneer_ros2.transcoder import Bytes, MalformedError
 from pioneer_ros2.transform import StaticFrames, by_robot, message_of
 
 TF = "tf2_msgs/TFMessage"

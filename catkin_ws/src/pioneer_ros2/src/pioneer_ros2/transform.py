@@ -51,7 +51,7 @@ def _string(message: bytes, start: int) -> tuple[bytes, int]:
 
 def message_of(transforms: Iterable[Transform]) -> bytes:
     """Returns the TFMessage with these transforms."""
-    parts = []
+    parts: list[bytes] = []
     count = 0
     for stamp, parent, child, pose in transforms:
         count += 1

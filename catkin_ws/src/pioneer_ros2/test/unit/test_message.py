@@ -3,6 +3,7 @@
 import io
 import random
 import re
+import struct
 from typing import Any
 
 import genpy
@@ -14,7 +15,8 @@ pytest.importorskip("rosbags", reason="the door to ROS 2 is not installed")
 from rosbags.typesys import Stores, get_typestore
 
 from pioneer_ros2.error import TypeUnknownError
-from pioneer_ros2.message import MessageTypes
+from pioneer_ros2.message import RELEASES, MessageTypes
+from pioneer_ros2.transcoder import MalformedError
 
 ROUNDS = 20
 PACKAGES = (
@@ -107,6 +109,10 @@ def messages() -> MessageTypes:
     return MessageTypes()
 
 
+def random_message(name: str, source: random.Random) -> Any:
+    return fill(roslib.message.get_message_class(name)(), source)
+
+
 @pytest.mark.parametrize("name", standard_types())
 def test_random_messages_of_a_standard_type_come_back_as_they_went(
     messages: MessageTypes, name: str
@@ -142,3 +148,78 @@ def test_a_type_without_a_definition_that_can_be_read_is_named(
 ) -> None:
     with pytest.raises(TypeUnknownError, match="walker_msgs/Unknown"):
         messages.converter("walker_msgs/Unknown", definition)
+
+
+@pytest.mark.parametrize("release", RELEASES)
+def test_what_a_release_of_ros_2_gets_has_its_published_layout(release: str) -> None:
+    """The independent decoder has the definitions that each release published."""
+    messages = MessageTypes(release)
+    store = get_typestore(RELEASES[release])
+    source = random.Random(release)
+    for name in standard_types():
+        converter = messages.converter(name)
+        message = random_message(name, source)
+        cdr = converter.to_cdr(encoded(message))
+        decoded = store.deserialize_cdr(cdr, name.replace("/", "/msg/"))
+        # Its own encoding of what it has read is the same: nothing was misread.
+        assert bytes(store.serialize_cdr(decoded, name.replace("/", "/msg/"))) == cdr
+        back = type(message)().deserialize(converter.to_ros1(cdr))
+        assert encoded(without_sequence(back)) == encoded(without_sequence(message))
+
+
+def test_of_the_standard_types_only_the_range_differs_between_releases() -> None:
+    extra = {
+        release: {name: types.converter(name).only_ros2 for name in standard_types()}
+        for release, types in {release: MessageTypes(release) for release in RELEASES}.items()
+    }
+    assert extra["jazzy"] == extra["kilted"] == extra["iron"]
+    differing = {name for name in extra["kilted"] if extra["humble"][name] != extra["kilted"][name]}
+    assert differing == {"sensor_msgs/Range"}
+
+
+def test_conversions_are_those_of_rosbags_where_both_sides_have_the_same_fields(
+    messages: MessageTypes,
+) -> None:
+    store = get_typestore(Stores.ROS2_KILTED)
+    source = random.Random(7)
+    for name in standard_types():
+        converter = messages.converter(name)
+        if converter.only_ros1 or converter.only_ros2:
+            continue
+        message = encoded(random_message(name, source))
+        assert converter.to_cdr(message) == bytes(
+            store.ros1_to_cdr(message, name.replace("/", "/msg/"))
+        )
+
+
+@pytest.mark.parametrize(
+    "name", ["sensor_msgs/PointCloud", "visualization_msgs/Marker", "tf2_msgs/TFMessage"]
+)
+def test_a_message_cut_short_or_garbled_is_malformed_or_another_message(
+    messages: MessageTypes, name: str
+) -> None:
+    source = random.Random(name)
+    definition = roslib.message.get_message_class(name)._full_text
+    converter = messages.converter(name, definition)
+    whole = encoded(random_message(name, source))
+    for convert, data in ((converter.to_cdr, whole), (converter.to_ros1, converter.to_cdr(whole))):
+        for _ in range(500):
+            garbled = bytearray(data[: source.randint(0, len(data))])
+            for _ in range(source.randint(0, 4)):
+                if garbled:
+                    garbled[source.randrange(len(garbled))] = source.randrange(256)
+            try:
+                convert(bytes(garbled))
+            except (MalformedError, struct.error):
+                continue
+
+
+def test_a_message_with_more_bytes_than_fields_is_malformed(messages: MessageTypes) -> None:
+    converter = messages.converter("geometry_msgs/Twist")
+    with pytest.raises(MalformedError, match="end after 48 of 56 bytes"):
+        converter.to_cdr(bytes(56))
+
+
+@pytest.mark.parametrize("name", standard_types())
+def test_the_checksum_of_a_type_is_ros_1_s(messages: MessageTypes, name: str) -> None:
+    assert messages.ros1_kind(name)._md5sum == roslib.message.get_message_class(name)._md5sum
