@@ -18,6 +18,7 @@ from dataclasses import replace
 from pioneer_traffic.config import CoordinatorConfig
 from pioneer_traffic.geometry import Point, distance_to_segment
 from pioneer_traffic.neighbours import (
+    TOLERANCE,
     Neighbours,
     comes_by,
     ground_wanted,
@@ -57,6 +58,7 @@ class Coordinator:
         self._waypoint: Point | None = None
         self._visited: Point | None = None  # the waypoint for which the robot left the roadmap
         self._plan = Plan()
+        self._waits_by_step: dict[int, list[Wait]] = {}  # of this robot, in the plan
         self._taken = 0  # index of the last place taken in the plan's path
         self._track: list[int] = []  # places taken, beginning with the last one reached
         self._aside: tuple[
@@ -185,9 +187,21 @@ class Coordinator:
         """Returns whether a way comes no nearer than the clearance to a stray robot, unless it leads away from it."""
         least = self._roadmap.config.clearance
         for stray in self._strays:
-            if distance_to_segment(stray, start, end) < min(least, math.dist(stray, start) - 1e-6):
+            allowed = min(least, math.dist(stray, start)) - TOLERANCE
+            if distance_to_segment(stray, start, end) < allowed:
                 return False
         return True
+
+    def _is_way_on_free(self) -> bool:
+        """Returns whether the way from where the robot is to the second place taken is free."""
+        return self._is_way_free(self._own.position, self._place(1))
+
+    def _is_way_over_first_free(self) -> bool:
+        """Returns whether the way from where the robot is over the first to the second place taken is free."""
+        first = self._place(0)
+        return self._is_way_free(self._own.position, first) and self._is_way_free(
+            first, self._place(1)
+        )
 
     def _place(self, index: int) -> Point:
         return self._roadmap.places[self._track[index]]
@@ -251,7 +265,9 @@ class Coordinator:
         reached = (
             -1 if self._aside and not self._own.out else max(-1, self._taken - len(self._track) + 1)
         )
-        self._own = replace(self._own, held=(*self._aside, *self._track), reached=reached)
+        held = (*self._aside, *self._track)
+        if held != self._own.held or reached != self._own.reached:
+            self._own = replace(self._own, held=held, reached=reached)
 
     def _progress(self) -> None:
         """Releases the places that the robot has left behind."""
@@ -275,7 +291,7 @@ class Coordinator:
         self.route = [
             self._place(index) for index in range(min(1, len(self._track) - 1), len(self._track))
         ]
-        if self._aside:
+        if self._aside or (len(self._track) > 1 and not self._is_way_on_free()):
             self.route.insert(0, self._place(0))
         if not self._is_way_free(self._own.position, self.route[0]):
             self.route = []
@@ -283,8 +299,11 @@ class Coordinator:
     def _give_up_blocked(self) -> None:
         """Gives up the places taken ahead, from the first on whose way a stray robot stands."""
         for index in range(1, len(self._track)):
-            start = self._own.position if index == 1 and not self._aside else self._place(index - 1)
-            if not self._is_way_free(start, self._place(index)):
+            if index == 1 and not self._aside:
+                is_free = self._is_way_on_free() or self._is_way_over_first_free()
+            else:
+                is_free = self._is_way_free(self._place(index - 1), self._place(index))
+            if not is_free:
                 self._taken -= len(self._track) - index
                 del self._track[index:]
                 if self._taken < 0:
@@ -294,6 +313,7 @@ class Coordinator:
 
     def _leave_plan(self) -> None:
         self._plan = Plan()
+        self._waits_by_step = {}
         self._taken = 0
         self._own = replace(self._own, adopted=PlanId())
 
@@ -312,6 +332,8 @@ class Coordinator:
         if self._waypoint is None or own.out or own.robot not in self._plan.paths:
             return
         taking_part = {report.robot for report in fresh.values() if report.held}
+        if len(taking_part) == len(self._neighbours.reports) and not self._obstacles:
+            return
         barred = self._neighbours.barred(taking_part, self._obstacles)
         if barred.isdisjoint((own.goal, *own.region)):
             return
@@ -333,15 +355,14 @@ class Coordinator:
         if not (is_complete and is_settled):
             return
         reports = partners_of(self._own, fresh)
-        if not reports or self._own.robot != min(report.robot for report in reports):
+        if not reports:
             return
-        barred = self._neighbours.barred({report.robot for report in reports}, self._obstacles)
-        made_for = repr(
-            (
-                [(one.robot, one.goal, one.out and one.goal != one.stop) for one in reports],
-                sorted(barred),
-            )
-        )
+        occupied = self._neighbours.occupied({report.robot for report in reports}, self._obstacles)
+        goals = [
+            (report.robot, report.goal, report.out and report.goal != report.stop)
+            for report in reports
+        ]
+        made_for = repr((goals, sorted(occupied.places), sorted(occupied.ways)))
         # A robot that leaves its goal to let others pass wants no ground until it is back: that plan still fits.
         wanted, before = {one.robot: ground_wanted(one) for one in reports}, self._wanted
         self._wanted = wanted
@@ -352,7 +373,13 @@ class Coordinator:
         number = 1 + max(
             report.ready.number for report in (self._own, *self._neighbours.reports.values())
         )
-        plan = planned(self._roadmap, reports, barred, PlanId(number, self._own.robot))
+        plan = planned(
+            self._roadmap,
+            reports,
+            occupied.places,
+            PlanId(number, self._own.robot),
+            occupied.ways,
+        )
         self._own = replace(self._own, plan=plan)
 
     def _is_overtaken(self, reports: Sequence[Report], now: float) -> bool:
@@ -386,13 +413,21 @@ class Coordinator:
         self._own = replace(self._own, ready=max(self._own.ready, newest.id))
         if self._own.robot not in newest.paths:
             if len(self._track) <= 1 and not self._own.out:
-                self._plan, self._own = Plan(), replace(self._own, adopted=PlanId())
+                self._leave_plan()
             return
         everyone = {**fresh, self._own.robot: self._own}
         if all(name in everyone and is_ready(everyone[name], newest) for name in newest.paths):
-            self._plan, self._taken = newest, 0
-            self._own = replace(self._own, adopted=newest.id)
-            self._publish_held()
+            self._adopt(newest)
+
+    def _adopt(self, plan: Plan) -> None:
+        self._plan = plan
+        self._taken = 0
+        self._waits_by_step = {}
+        for wait in plan.waits:
+            if wait.robot == self._own.robot:
+                self._waits_by_step.setdefault(wait.step, []).append(wait)
+        self._own = replace(self._own, adopted=plan.id)
+        self._publish_held()
 
     def _take(self, fresh: dict[str, Report]) -> None:
         """Takes the next places of the path, unless another robot has to pass first or an outsider holds them."""
@@ -417,9 +452,7 @@ class Coordinator:
             self._publish_held()
 
     def _waits(self, step: int) -> list[Wait]:
-        return [
-            wait for wait in self._plan.waits if wait.robot == self._own.robot and wait.step == step
-        ]
+        return self._waits_by_step.get(step, [])
 
     def _has_left(self, name: str, index: int, place: int) -> bool:
         other = self._neighbours.reports[name]

@@ -2,15 +2,30 @@
 
 import math
 from collections.abc import Collection, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from pioneer_traffic.config import CoordinatorConfig
 from pioneer_traffic.geometry import Point
-from pioneer_traffic.report import Plan, PlanId, Report
-from pioneer_traffic.roadmap import Roadmap
+from pioneer_traffic.report import NO_PLAN, Plan, PlanId, Report
+from pioneer_traffic.roadmap import Roadmap, Way
 
 _MOVED = 0.1
 """Distance by which a robot that stands must move to count as an obstacle elsewhere [m]: localisation is not exact."""
+_KEPT = 100
+"""Number of positions of other robots whose surroundings are stored."""
+TOLERANCE = 0.5 * _MOVED
+"""By how much a robot may pass another one nearer than the clearance, and by how much farther plans lead past it [m].
+
+Together, they make sure that robots can drive a plan that was made before the other robot's position changed a bit.
+"""
+
+
+@dataclass(frozen=True)
+class Occupied:
+    """What robots that take no part keep from the others."""
+
+    places: frozenset[int]
+    ways: frozenset[Way]  #: with their directions
 
 
 class Neighbours:
@@ -27,9 +42,9 @@ class Neighbours:
         self._signature = roadmap.signature
         self.reports: dict[str, Report] = {}  #: the newest one of each robot that is not forgotten
         self._heard_at: dict[str, float] = {}
-        self._standing: dict[
-            str, Point
-        ] = {}  # by robot, the position at which it counts as an obstacle
+        #: by robot, the position at which it counts as an obstacle
+        self._standing: dict[str, Point] = {}
+        self._occupied: dict[Point, Occupied] = {}  # by position of a robot that takes no part
 
     def receive(self, report: Report, now: float) -> None:
         """Stores a report; a robot with a different roadmap becomes an obstacle."""
@@ -72,10 +87,30 @@ class Neighbours:
 
     def barred(self, partners: Collection[str], obstacles: Iterable[Point]) -> frozenset[int]:
         """Returns the places near robots that are lost or take no part, and near ``obstacles``."""
+        return self.occupied(partners, obstacles).places
+
+    def occupied(self, partners: Collection[str], obstacles: Iterable[Point]) -> Occupied:
+        """Returns what robots that are lost or take no part, and ``obstacles``, keep from the others."""
         outsiders = [report for name, report in self.reports.items() if name not in partners]
         points = [*obstacles, *(self.standing_at(report) for report in outsiders)]
-        near = (self._roadmap.near(point, point) for point in points)
-        return frozenset[int]().union(*near, *(report.held for report in outsiders))
+        places: set[int] = set()
+        ways: set[Way] = set()
+        for report in outsiders:
+            places.update(report.held)
+        for point in points:
+            around = self._occupied.get(point) or self._occupied_around(point)
+            places |= around.places
+            ways |= around.ways
+        return Occupied(frozenset(places), frozenset(ways))
+
+    def _occupied_around(self, point: Point) -> Occupied:
+        """Returns what a robot at a point keeps from the others, and stores it: most robots stand for long."""
+        if len(self._occupied) >= _KEPT:
+            self._occupied.clear()
+        least = self._roadmap.config.clearance + TOLERANCE
+        found = Occupied(self._roadmap.near(point, point), self._roadmap.ways_towards(point, least))
+        self._occupied[point] = found
+        return found
 
     def obstruction(self, plan: Plan) -> str:
         """Returns what blocks the way of a robot that waits for no other by the plan."""
@@ -108,22 +143,27 @@ class Neighbours:
         return here
 
 
-def hear_each_other(report: Report, other: Report) -> bool:
-    """Returns whether two robots receive each other's reports: a link may work in one direction only."""
-    return report.robot in other.heard and other.robot in report.heard
-
-
 def partners_of(own: Report, fresh: dict[str, Report]) -> list[Report]:
-    """Returns the reports of the robots to plan for; they hear one another, and no two claim one place."""
-    found: list[Report] = []
+    """Returns the reports of the robots to plan for, by name; empty if another robot makes the plan.
+
+    They hear one another, in both directions, and no two claim one place. The first by name makes the plan.
+    """
+    found: dict[str, Report] = {}
     claimed: set[int] = set()
+    heard_by_all: set[str] = set()
     everyone = [own, *fresh.values()]
-    for report in sorted(everyone, key=lambda report: (report.adopted == PlanId(), report.robot)):
-        is_apart = report.held and claimed.isdisjoint(report.held)
-        if is_apart and all(hear_each_other(report, other) for other in found):
-            found.append(report)
-            claimed.update(report.held)
-    return sorted(found, key=lambda report: report.robot)
+    for report in sorted(everyone, key=lambda report: (report.adopted == NO_PLAN, report.robot)):
+        if not report.held or not claimed.isdisjoint(report.held):
+            continue
+        heard = set(report.heard)
+        if found and not (report.robot in heard_by_all and heard.issuperset(found)):
+            continue
+        if report.robot < own.robot:
+            return []
+        heard_by_all = heard_by_all & heard if found else heard
+        found[report.robot] = report
+        claimed.update(report.held)
+    return [found[name] for name in sorted(found)] if own.robot in found else []
 
 
 def hear_one_another(plan: Plan, own: str, fresh: dict[str, Report]) -> bool:

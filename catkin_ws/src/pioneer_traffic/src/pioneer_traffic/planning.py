@@ -13,14 +13,18 @@ from itertools import chain, pairwise
 
 from pioneer_traffic.pathfinding import Configuration, Graph, Problem, solve
 from pioneer_traffic.report import Plan, PlanId, Report, Wait
-from pioneer_traffic.roadmap import Roadmap
+from pioneer_traffic.roadmap import Roadmap, Way
 
 _TRIES, _MOST, _GOOD = 4, 500, 1.6
 """Searches with different priorities, configurations tried in each, and moves per needed move that are good enough."""
 
 
 def planned(
-    roadmap: Roadmap, reports: Sequence[Report], barred: Collection[int], plan_id: PlanId
+    roadmap: Roadmap,
+    reports: Sequence[Report],
+    barred: Collection[int],
+    plan_id: PlanId,
+    closed_ways: Collection[Way] = (),
 ) -> Plan:
     """Returns a plan for robots of which no two hold the same place.
 
@@ -31,6 +35,7 @@ def planned(
         reports: of the robots that take part.
         barred: places near robots that do not take part.
         plan_id: id of the new plan; its number seeds the search.
+        closed_ways: ways, with their directions, that come too near to robots that do not take part.
     """
     ordered = sorted(reports, key=lambda report: (report.goal < 0, report.since, report.robot))
     asked = {
@@ -42,6 +47,9 @@ def planned(
     while True:
         regions = _granted(asked.values(), barred)
         graph, closed = _open_graph(roadmap, ordered, regions, barred)
+        for place, other in closed_ways:
+            if other in graph[place]:
+                graph[place].remove(other)
         shutting = _shutting_in(graph, closed, ordered, regions)
         if not shutting:
             break

@@ -30,8 +30,14 @@ _FREE_UP_TO = 25
 """Occupancy up to which a cell is free: map_saver's ``free`` [%]."""
 _INSIDE_WALL = 0.3
 """Depth inside a wall at which a robot may still be, because localisation and map are not exact [m]."""
+_LONGEST = 2.0
+"""Greatest length of a way, as a multiple of the places' spacing."""
+_ROUNDING = 1e-6
 _HALF_CELL = 0.7
 """Distance from a cell's centre to the wall that it represents [cells]."""
+
+Way = tuple[int, int]
+"""Two joined places; the robot drives from the first to the second."""
 
 
 @dataclass(frozen=True)
@@ -178,6 +184,23 @@ class Roadmap:
                     found.add(min(one, other, key=lambda end: distance.get(end, math.inf)))
         return frozenset(found | self._patches(start, end))
 
+    def ways_towards(self, point: Point, least: float) -> frozenset[Way]:
+        """Returns the ways, each with its direction, that come nearer to a point than ``least`` [m].
+
+        Those that only lead away from the point are not among them.
+        """
+        reach = _LONGEST * self.config.spacing + least
+        found: set[Way] = set()
+        for place, start in enumerate(self.places):
+            distance = math.dist(point, start)
+            if distance >= reach:
+                continue
+            allowed = min(least, distance) - _ROUNDING
+            for other in self.neighbours[place]:
+                if distance_to_segment(point, start, self.places[other]) < allowed:
+                    found.add((place, other))
+        return frozenset(found)
+
     def _patches(self, start: Point, end: Point) -> set[int]:
         """Returns the numbers of the patches within half the clearance of a straight way."""
         radius = 0.5 * self.config.clearance + _PATCH * math.sqrt(0.5)
@@ -200,10 +223,14 @@ class Roadmap:
 
         Called for each robot by each robot several times a second: the usual case comes first.
         """
+        x, y = point
         count = len(self.places)
+        for place in held:
+            if 0 <= place < count:
+                place_x, place_y = self.places[place]
+                if math.hypot(place_x - x, place_y - y) <= reach:
+                    return True
         places = [place for place in held if 0 <= place < count]
-        if any(math.dist(self.places[place], point) <= reach for place in places):
-            return True
         for place, following in pairwise(places):
             if following in self.neighbours[place]:
                 distance = distance_to_segment(point, self.places[place], self.places[following])
@@ -347,7 +374,7 @@ def _ways(places: list[Point], space: FreeSpace, config: RoadmapConfig) -> list[
     """
     found: list[list[int]] = [[] for _ in places]
     at = np.array(places).reshape(-1, 2)
-    reach = 2.0 * config.spacing
+    reach = _LONGEST * config.spacing
     near = [np.flatnonzero(np.hypot(*(at - point).T) < 2.0 * reach).tolist() for point in at]
     pairs = sorted(
         (math.dist(places[one], places[other]), one, other)

@@ -108,6 +108,15 @@ def test_a_robot_carried_into_the_way_of_another_is_not_driven_into() -> None:
     assert trial.run(60.0).reached == 1
 
 
+def test_a_robot_beside_one_without_part_is_led_by_a_way_that_it_drives() -> None:
+    """The plan used to lead it past the other one, which it refused for ever, and all robots behind it waited."""
+    ladder = lattice([".......", "......."])
+    trial = Trial(ladder, None, [(3.0, 0.0), (3.62, -0.35)], [[(3.0, -1.0)], []])
+    trial.coordinators[1].hold()
+    trial.bodies[1].drive = lambda route: None  # type: ignore[method-assign]
+    assert trial.run(40.0).reached == 1
+
+
 @settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 10**6), robots=st.integers(2, 6))
 def test_robots_may_be_carried_elsewhere_at_any_time(seed: int, robots: int) -> None:

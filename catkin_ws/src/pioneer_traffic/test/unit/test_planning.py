@@ -45,6 +45,12 @@ def test_who_stands_near_a_robot_without_part_is_not_led_past_it() -> None:
     assert path == (2, 9, 10, 11, 4, 5, 6) or set(path).isdisjoint({3})
 
 
+def test_nobody_is_led_along_a_way_that_comes_too_near_to_a_robot_without_part() -> None:
+    robot = state("a", 3, goal=10)
+    plan = planned(LADDER, [robot], (3,), PlanId(1, "a"), {(3, 10)})
+    assert plan.paths["a"] in [(3, 2, 9, 10), (3, 4, 11, 10)]
+
+
 def test_of_two_robots_with_one_goal_the_one_that_has_waited_longest_gets_it() -> None:
     late = Report("a", LADDER.signature, PLACES[0], (0,), 3, since=5.0)
     early = Report("b", LADDER.signature, PLACES[6], (6,), 3, since=1.0)
