@@ -1,0 +1,1 @@
+"""Collects the log messages of all nodes."""
