@@ -14,6 +14,7 @@ import time
 from zeroconf import DNSAddress, DNSOutgoing, DNSPointer, DNSService, DNSText
 
 from pioneer_harness.wait import wait_until
+from rocon_gateway.adapters.examiner import Examiner
 from rocon_gateway.adapters.hubs import Hubs, HubsConfig
 from rocon_hub_protocol.record import Record
 from rocon_hub_protocol.sighting import SERVICE
@@ -41,7 +42,12 @@ def main() -> None:
     false, half = map(int, sys.argv[1:])
     me = Record("gateway", "instance", "127.0.0.1", 1)
     hubs = Hubs(
-        HubsConfig(distant=True, discover=True), me, lambda: (), lambda: None, logging.getLogger()
+        HubsConfig(distant=True, discover=True),
+        me,
+        lambda: (),
+        lambda: None,
+        logging.getLogger(),
+        Examiner().asked,
     )
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as air:
         air.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))

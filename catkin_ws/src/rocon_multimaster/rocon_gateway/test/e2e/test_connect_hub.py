@@ -8,6 +8,7 @@ import redis
 
 from pioneer_harness.masters import is_running
 from pioneer_harness.wait import START, wait_until
+from rocon_gateway.adapters.examiner import Examiner
 from rocon_gateway.adapters.hubs import Hubs, HubsConfig
 from rocon_hub_protocol.code import Code, HubError
 from rocon_hub_protocol.key import NAME_KEY, PROTOCOL_KEY
@@ -35,6 +36,7 @@ def connect() -> Iterator[Connect]:
                 set,
                 list,
                 logging.getLogger(name),
+                Examiner().asked,
             )
         try:
             made[name].connect(uri)

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from rocon_gateway.adapters import hubs
+from rocon_gateway.adapters.examiner import Examiner
 from rocon_gateway.adapters.hubs import Hubs, HubsConfig
 from rocon_hub_protocol.address import HubAddress
 from rocon_hub_protocol.record import Record
@@ -49,7 +50,12 @@ def test_a_gateway_that_has_no_descriptor_for_a_hub_joins_it_once_there_is_one(
     caplog.set_level(logging.INFO)
     record = Record("a", "1", "127.0.0.1", 9)
     made = Hubs(
-        HubsConfig(discover=True), record, lambda: (), lambda: None, logging.getLogger("test")
+        HubsConfig(discover=True),
+        record,
+        lambda: (),
+        lambda: None,
+        logging.getLogger("test"),
+        Examiner().asked,
     )
     try:
         assert joined.wait(10)
@@ -120,6 +126,7 @@ def test_without_a_credential_a_hub_that_another_machine_announces_is_not_joined
         lambda: (),
         lambda: None,
         logging.getLogger("test"),
+        Examiner().asked,
     )
     try:
         for _ in range(3):  # the third look begins once the first has been worked on

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
-from rocon_gateway.adapters.examiner import Examiner
 from rocon_gateway.adapters.hub_client import RETRY, HubClient, HubContext
 from rocon_gateway.adapters.hub_session import Description, HubSession
 from rocon_gateway.core.hub_state import Publication
@@ -69,6 +68,7 @@ class Hubs:
         linked: returns the gateways with open data links.
         on_change: see above.
         logger: receives one line when a hub is found and one when it is lost.
+        examine: handles a request of the doctor that arrived over a session; must not block.
     """
 
     def __init__(
@@ -78,6 +78,7 @@ class Hubs:
         linked: Callable[[], Collection[str]],
         on_change: Callable[[], None],
         logger: logging.Logger,
+        examine: Callable[[HubSession, str], None],
     ) -> None:
         self._config = config
         self._on_change = on_change
@@ -89,7 +90,7 @@ class Hubs:
             linked=linked,
             take=self._take,
             complain=self._complain,
-            examine=Examiner().asked,
+            examine=examine,
             logger=logger,
             host=config.host,
             namespaces=config.namespaces,

@@ -23,6 +23,7 @@ from pioneer_node.nodes.node_host import leave
 from rocon_gateway import conversions
 from rocon_gateway.adapters.address import interface_address, own_address
 from rocon_gateway.adapters.custom_rules import with_rules_file
+from rocon_gateway.adapters.examiner import Examiner
 from rocon_gateway.adapters.hubs import Hubs, HubsConfig
 from rocon_gateway.adapters.kept_folder import KeptFolder
 from rocon_gateway.adapters.master import MasterWatch
@@ -133,7 +134,12 @@ class GatewayNode:
             self._relay_config(), self._wake, self._logger, access.certificates, reactor
         )
         self._hubs = Hubs(
-            self._hub_config(access), self._record(), self._linked, self._wake, self._logger
+            self._hub_config(access),
+            self._record(),
+            self._linked,
+            self._wake,
+            self._logger,
+            Examiner().asked,
         )
         self._turned, self._begun, self._done = threading.Condition(), 0, 0
         self._handlers = ServiceHandlers(
