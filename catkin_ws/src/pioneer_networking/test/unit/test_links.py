@@ -5,8 +5,8 @@ import roslaunch.config
 import roslaunch.xmlloader
 import roslib.packages
 
-from rocon_gateway.core.config import GatewayConfig
-from rocon_gateway.core.option_rule import rule_for
+from rocon_gateway.node.config import GatewayConfig
+from rocon_gateway.rules.option_rule import rule_for
 
 
 def _parameters(monkeypatch, robot, *arguments, host=""):

@@ -24,7 +24,7 @@ import_without_numpy("rospy")
 assert sys.modules["numpy"] is numpy
 """
 NODES = [
-    "rocon_gateway.nodes.gateway",
+    "rocon_gateway.node.gateway",
     "rocon_hub.hub",
     "simple_navigation_goals.map_navigation_client",
 ]

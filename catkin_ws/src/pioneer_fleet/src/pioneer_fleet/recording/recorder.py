@@ -14,7 +14,7 @@ from pathlib import Path
 
 from pioneer_fleet.recording.recording import BagFile, Kind, McapFile, Message
 from pioneer_node.adapters.end_request import EndRequest
-from rocon_relay.core.connection import is_proxy_uri
+from rocon_relay.connection import is_proxy_uri
 from tcpros.client import Client, Connection
 from tcpros.error import TcprosError
 

@@ -7,10 +7,10 @@ are loaded on first use, because they need rospy and most of this package does n
 import importlib
 
 _PLACES = {
-    "GatewayError": ("core.error", "GatewayError"),
-    "GatewaySampleRuntimeError": ("nodes.samples", "GatewaySampleRuntimeError"),
-    "Graph": ("nodes.graph", "Graph"),
-    "samples": ("nodes.samples", ""),
+    "GatewayError": ("error", "GatewayError"),
+    "GatewaySampleRuntimeError": ("commands.samples", "GatewaySampleRuntimeError"),
+    "Graph": ("commands.graph", "Graph"),
+    "samples": ("commands.samples", ""),
 }
 
 

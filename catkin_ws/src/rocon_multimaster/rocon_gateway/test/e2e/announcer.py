@@ -14,8 +14,8 @@ import time
 from zeroconf import DNSAddress, DNSOutgoing, DNSPointer, DNSService, DNSText
 
 from pioneer_harness.wait import wait_until
-from rocon_gateway.adapters.examiner import Examiner
-from rocon_gateway.adapters.hubs import Hubs, HubsConfig
+from rocon_gateway.doctor.examiner import Examiner
+from rocon_gateway.hub.hubs import Hubs, HubsConfig
 from rocon_hub_protocol.record import Record
 from rocon_hub_protocol.sighting import SERVICE
 

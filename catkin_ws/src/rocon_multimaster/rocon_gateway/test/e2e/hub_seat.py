@@ -9,10 +9,10 @@ import redis
 
 from pioneer_harness.port import PortReservation
 from pioneer_harness.wait import wait_until
-from rocon_gateway.adapters.hub_client import HubClient, HubContext
-from rocon_gateway.adapters.hub_session import HubSession
-from rocon_gateway.core.hub_state import Publication
-from rocon_gateway.core.presence import Candidate, HubView
+from rocon_gateway.hub.client import HubClient, HubContext
+from rocon_gateway.hub.presence import Candidate, HubView
+from rocon_gateway.hub.session import HubSession
+from rocon_gateway.hub.state import Publication
 from rocon_hub.config import HubConfig
 from rocon_hub.redis_server import RedisServer
 from rocon_hub.registry import Registry

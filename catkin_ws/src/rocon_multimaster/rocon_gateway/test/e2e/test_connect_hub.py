@@ -8,8 +8,8 @@ import redis
 
 from pioneer_harness.masters import is_running
 from pioneer_harness.wait import START, wait_until
-from rocon_gateway.adapters.examiner import Examiner
-from rocon_gateway.adapters.hubs import Hubs, HubsConfig
+from rocon_gateway.doctor.examiner import Examiner
+from rocon_gateway.hub.hubs import Hubs, HubsConfig
 from rocon_hub_protocol.code import Code, HubError
 from rocon_hub_protocol.key import NAME_KEY, PROTOCOL_KEY
 from rocon_hub_protocol.record import PROTOCOL, Record

@@ -69,7 +69,7 @@ def test_without_mdns_a_gateway_waits_for_connect_hub(fleet) -> None:
 
 
 def test_nobody_pays_for_mdns_who_does_not_use_it() -> None:
-    program = "import sys, rocon_gateway.nodes.gateway; raise SystemExit('zeroconf' in sys.modules)"
+    program = "import sys, rocon_gateway.node.gateway; raise SystemExit('zeroconf' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
 
 

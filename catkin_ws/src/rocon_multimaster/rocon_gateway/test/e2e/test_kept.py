@@ -8,7 +8,7 @@ import pytest
 from hub_seat import Bench
 
 from pioneer_harness.wait import wait_until
-from rocon_gateway.adapters.kept_folder import KeptFolder
+from rocon_gateway.hub.kept_folder import KeptFolder
 from rocon_hub_protocol.key import kept_key
 
 KEY = kept_key("aadi1_gateway")

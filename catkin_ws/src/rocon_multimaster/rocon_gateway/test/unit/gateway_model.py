@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass, field
 
-from rocon_gateway.core.option_rule import OptionRule
-from rocon_gateway.core.reconcile import reconcile
-from rocon_gateway.core.rulebook import RuleBook
-from rocon_gateway.core.situation import Outcome, Remote, Situation
+from rocon_gateway.rules.option_rule import OptionRule
+from rocon_gateway.rules.reconcile import reconcile
+from rocon_gateway.rules.rulebook import RuleBook
+from rocon_gateway.rules.situation import Outcome, Remote, Situation
 from rocon_hub_protocol.record import PeerRequest, Record, request_from_text, text_from_request
 from rocon_hub_protocol.rule import Connection, Kind, RemoteRule, Rule
-from rocon_relay.core.connection import Import, LinkState, LinkStatus
+from rocon_relay.connection import Import, LinkState, LinkStatus
 
 STRING = "std_msgs/String"
 

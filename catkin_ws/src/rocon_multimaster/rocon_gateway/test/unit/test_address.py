@@ -3,7 +3,7 @@
 import pytest
 import rosgraph.network
 
-from rocon_gateway.adapters import address
+from rocon_gateway.hub import address
 
 HUB = "192.168.2.100"
 WAYS = {HUB: "192.168.2.101", "127.0.0.1": "127.0.0.1", "localhost": "127.0.0.1"}

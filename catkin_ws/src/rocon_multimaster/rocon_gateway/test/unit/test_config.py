@@ -2,9 +2,9 @@
 
 import pytest
 
-from rocon_gateway.core.config import GatewayConfig, book_from_config, with_custom_rules
-from rocon_gateway.core.error import ConfigError
-from rocon_gateway.core.matching import ALL
+from rocon_gateway.error import ConfigError
+from rocon_gateway.node.config import GatewayConfig, book_from_config, with_custom_rules
+from rocon_gateway.rules.matching import ALL
 from rocon_hub_protocol.rule import Kind, RemoteRule, Rule
 
 

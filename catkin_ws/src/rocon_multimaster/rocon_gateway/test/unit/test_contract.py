@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from rocon_gateway.core.config import GatewayConfig
+from rocon_gateway.node.config import GatewayConfig
 
 MULTIMASTER = Path(__file__).parents[3]
 

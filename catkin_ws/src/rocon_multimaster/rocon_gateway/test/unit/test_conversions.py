@@ -1,10 +1,11 @@
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from rocon_gateway.conversions import diagnostic_from_link, message_from_record
+from rocon_gateway.hub.conversions import message_from_record
+from rocon_gateway.node.conversions import diagnostic_from_link
 from rocon_hub_protocol.record import Record
-from rocon_relay.core.connection import Address, Export, Import, LinkState, LinkStatus
-from rocon_relay.core.latency import Latency
-from rocon_relay.core.traffic import Flow
+from rocon_relay.connection import Address, Export, Import, LinkState, LinkStatus
+from rocon_relay.latency import Latency
+from rocon_relay.traffic import Flow
 
 LATENCY = Latency(0.001, 0.004, 0.002, 0.0005)
 

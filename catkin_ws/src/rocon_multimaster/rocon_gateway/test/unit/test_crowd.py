@@ -7,10 +7,10 @@ from gateway_model import gateway, to
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rocon_gateway.core import matching as rule
-from rocon_gateway.core.reconcile import reconcile
-from rocon_gateway.core.situation import Situation, State
-from rocon_gateway.core.spelling import Spelling
+from rocon_gateway.rules import matching as rule
+from rocon_gateway.rules.reconcile import reconcile
+from rocon_gateway.rules.situation import Situation, State
+from rocon_gateway.rules.spelling import Spelling
 from rocon_hub_protocol.rule import Kind
 
 NAMES = [f"crowd{number}" for number in range(1000)]

@@ -15,7 +15,7 @@ HIGH = 1500
 
 def test_a_gateway_may_open_what_the_system_allows_whatever_it_was_started_with() -> None:
     code = (
-        "import resource; from rocon_gateway.nodes import gateway\n"
+        "import resource; from rocon_gateway.node import gateway\n"
         "gateway.NodeProcess = lambda *_: exit(print(*resource.getrlimit(resource.RLIMIT_NOFILE)))\n"
         "gateway.main()"
     )

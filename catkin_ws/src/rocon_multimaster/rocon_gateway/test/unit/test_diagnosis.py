@@ -2,10 +2,10 @@
 
 import pytest
 
-from rocon_gateway.core import diagnosis
-from rocon_gateway.core.diagnosis import Finding, Level
-from rocon_gateway.core.examination import Contact, Examination
-from rocon_gateway.core.table import listing, table
+from rocon_gateway.commands.table import listing, table
+from rocon_gateway.doctor import diagnosis
+from rocon_gateway.doctor.diagnosis import Finding, Level
+from rocon_gateway.doctor.examination import Contact, Examination
 
 
 @pytest.mark.parametrize(

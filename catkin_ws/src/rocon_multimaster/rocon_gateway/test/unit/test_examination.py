@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rocon_gateway.core.examination import (
+from rocon_gateway.doctor.examination import (
     Contact,
     Examination,
     ExaminationError,

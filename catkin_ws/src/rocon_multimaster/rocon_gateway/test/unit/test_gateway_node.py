@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from pioneer_harness.port import PortReservation
-from rocon_gateway.nodes import gateway
+from rocon_gateway.node import gateway
 
 
 def test_a_master_that_goes_before_the_look_for_a_hub_does_not_end_the_gateway(

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rocon_gateway.core.presence import Presence, check_lists
+from rocon_gateway.hub.presence import Presence, check_lists
 from rocon_hub_protocol.address import HubAddress, address_from_uri
 from rocon_hub_protocol.code import Code, HubError
 

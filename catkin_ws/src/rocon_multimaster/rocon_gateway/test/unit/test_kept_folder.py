@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rocon_gateway.adapters.kept_folder import LARGEST, KeptFolder
+from rocon_gateway.hub.kept_folder import LARGEST, KeptFolder
 
 LOGGER = logging.getLogger("rosout")
 

@@ -7,14 +7,16 @@ from typing import Any
 
 import pytest
 
-from rocon_gateway.adapters import examination, hub_client, hub_session
-from rocon_gateway.adapters.examiner import Examiner
-from rocon_gateway.adapters.hub_client import HubClient, HubContext
-from rocon_gateway.adapters.hub_session import HubSession
-from rocon_gateway.adapters.program_load import ProgramLoad
-from rocon_gateway.core.examination import Examination
-from rocon_gateway.core.hub_state import Publication
-from rocon_gateway.core.presence import Candidate
+from rocon_gateway.doctor import facts
+from rocon_gateway.doctor.examination import Examination
+from rocon_gateway.doctor.examiner import Examiner
+from rocon_gateway.hub import client as hub_client
+from rocon_gateway.hub import session as hub_session
+from rocon_gateway.hub.client import HubClient, HubContext
+from rocon_gateway.hub.presence import Candidate
+from rocon_gateway.hub.session import HubSession
+from rocon_gateway.hub.state import Publication
+from rocon_gateway.node.program_load import ProgramLoad
 from rocon_hub_protocol.address import HubAddress
 from rocon_hub_protocol.code import Code, HubError
 from rocon_hub_protocol.record import PROTOCOL, Record
@@ -29,7 +31,7 @@ def test_an_invalid_host_name_is_a_hub_that_cannot_be_reached(host: str) -> None
     with pytest.raises(HubError) as caught:
         HubSession(HubAddress(host, 6380), OPEN, "robot", "instance")
     assert caught.value.code == Code.HUB_CONNECTION_UNRESOLVABLE
-    assert examination.address_of(host) == ""
+    assert facts.address_of(host) == ""
 
 
 class NoRunId:
@@ -109,14 +111,14 @@ def test_an_examination_that_fails_does_not_silence_the_doctor(
 
     session: Any = Session()
     examiner = Examiner()
-    monkeypatch.setattr(examination, "examination", fail)
+    monkeypatch.setattr(facts, "examination", fail)
     examiner.asked(session, "0" * 32)
     assert failed.wait(PATIENCE)
     for thread in threading.enumerate():
         if thread.name == "examination":
             thread.join(PATIENCE)
     found = Examination("robot", 0.0, "host", "", "", False, "")
-    monkeypatch.setattr(examination, "examination", lambda *_: found)
+    monkeypatch.setattr(facts, "examination", lambda *_: found)
     examiner.asked(session, "1" * 32)
     assert session.published.wait(PATIENCE)
 

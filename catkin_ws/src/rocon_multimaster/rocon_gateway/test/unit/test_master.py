@@ -7,8 +7,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
-from rocon_gateway.adapters.master import MasterWatch
-from rocon_gateway.adapters.master_line import MasterError
+from rocon_gateway.master.line import MasterError
+from rocon_gateway.master.watch import MasterWatch
 from rocon_hub_protocol.rule import Connection, Kind
 
 

@@ -9,7 +9,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
-from rocon_gateway.adapters.master_bell import LOOK_PERIOD, LOOKS_AT_ONCE, MasterBell, Ration
+from rocon_gateway.master.bell import LOOK_PERIOD, LOOKS_AT_ONCE, MasterBell, Ration
 
 PATIENCE = 20.0
 

@@ -1,8 +1,8 @@
 """Which gateways are on which of several hubs, combined."""
 
-from rocon_gateway.core.membership import Memberships
-from rocon_gateway.core.presence import HubView
-from rocon_gateway.core.situation import Remote
+from rocon_gateway.hub.membership import Memberships
+from rocon_gateway.hub.presence import HubView
+from rocon_gateway.rules.situation import Remote
 from rocon_hub_protocol.record import Record
 
 

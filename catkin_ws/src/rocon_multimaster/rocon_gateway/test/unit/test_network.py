@@ -1,6 +1,6 @@
 """The network picture: arrows between gateways, as text and for Graphviz."""
 
-from rocon_gateway.core.network import LABEL_LINES, Member, arrows, dot, text
+from rocon_gateway.commands.network import LABEL_LINES, Member, arrows, dot, text
 from rocon_hub_protocol.rule import Kind, RemoteRule, Rule
 
 SCAN = Rule(Kind.SUBSCRIBER, "/p1/scan", "/rviz")

@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from nonsense import hellos, kinds, records, requests, texts
 
-from rocon_gateway import conversions
-from rocon_gateway.core.error import RequestError
-from rocon_gateway.core.matching import rule_matches
-from rocon_gateway.core.reconcile import reconcile
-from rocon_gateway.core.situation import Remote, Situation
+from rocon_gateway.error import RequestError
+from rocon_gateway.rules import conversions
+from rocon_gateway.rules.matching import rule_matches
+from rocon_gateway.rules.reconcile import reconcile
+from rocon_gateway.rules.situation import Remote, Situation
 from rocon_hub_protocol.code import Code
 from rocon_hub_protocol.record import (
     PeerRequest,
@@ -23,9 +23,9 @@ from rocon_hub_protocol.record import (
     text_from_request,
 )
 from rocon_hub_protocol.rule import Kind, RemoteRule, Rule
-from rocon_relay.core.connection import RelayError
-from rocon_relay.core.link import Hello
-from rocon_relay.core.option import LinkOptions
+from rocon_relay.connection import RelayError
+from rocon_relay.link import Hello
+from rocon_relay.option import LinkOptions
 
 # Patterns may cause warnings, e.g. for nested sets or flags in the middle.
 pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning")

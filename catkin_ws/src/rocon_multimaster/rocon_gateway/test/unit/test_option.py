@@ -1,9 +1,9 @@
 import pytest
 
-from rocon_gateway.core.config import GatewayConfig
-from rocon_gateway.core.error import ConfigError, GatewayError
-from rocon_gateway.core.option_rule import option_rule, rule_for
-from rocon_relay.core.option import NO_OPTIONS, LinkOptions, OptionError
+from rocon_gateway.error import ConfigError, GatewayError
+from rocon_gateway.node.config import GatewayConfig
+from rocon_gateway.rules.option_rule import option_rule, rule_for
+from rocon_relay.option import NO_OPTIONS, LinkOptions, OptionError
 
 
 def test_a_row_asks_for_what_it_names_and_matches_the_rest():

@@ -1,6 +1,6 @@
 """Which programs are counted for a computer, and what they use."""
 
-from rocon_gateway.adapters.program_load import Load, ProgramLoad
+from rocon_gateway.node.program_load import Load, ProgramLoad
 
 
 def program(root, pid, uri, seconds, kilobytes):

@@ -5,14 +5,14 @@ import dataclasses
 import pytest
 from gateway_model import FakeGateway, Fleet, fleet_of, gateway, publisher, service, subscriber, to
 
-from rocon_gateway.core.matching import ALL
-from rocon_gateway.core.option_rule import option_rule
-from rocon_gateway.core.reconcile import reconcile
-from rocon_gateway.core.rulebook import RuleBook
-from rocon_gateway.core.situation import Outcome, Situation, State
+from rocon_gateway.rules.matching import ALL
+from rocon_gateway.rules.option_rule import option_rule
+from rocon_gateway.rules.reconcile import reconcile
+from rocon_gateway.rules.rulebook import RuleBook
+from rocon_gateway.rules.situation import Outcome, Situation, State
 from rocon_hub_protocol.rule import Kind, RemoteRule, Rule
-from rocon_relay.core.connection import LinkState
-from rocon_relay.core.option import NO_OPTIONS, LinkOptions
+from rocon_relay.connection import LinkState
+from rocon_relay.option import NO_OPTIONS, LinkOptions
 
 
 def test_a_pull_brings_what_is_advertised() -> None:

@@ -5,15 +5,15 @@ import dataclasses
 import pytest
 from gateway_model import FakeGateway, Fleet, fleet_of, gateway, publisher, service, subscriber, to
 
-from rocon_gateway.core.action import actions, parts
-from rocon_gateway.core.error import RequestError
-from rocon_gateway.core.matching import ALL
-from rocon_gateway.core.reconcile import reconcile
-from rocon_gateway.core.rulebook import RuleBook
-from rocon_gateway.core.situation import State
+from rocon_gateway.error import RequestError
+from rocon_gateway.rules.action import actions, parts
+from rocon_gateway.rules.matching import ALL
+from rocon_gateway.rules.reconcile import reconcile
+from rocon_gateway.rules.rulebook import RuleBook
+from rocon_gateway.rules.situation import State
 from rocon_hub_protocol.code import Code
 from rocon_hub_protocol.rule import Connection, Kind, RemoteRule, Rule
-from rocon_relay.core.connection import LinkState, proxy_name
+from rocon_relay.connection import LinkState, proxy_name
 
 FIBONACCI = "actionlib_tutorials/Fibonacci"
 SERVER = Connection(Kind.ACTION_SERVER, "/fib", FIBONACCI, "/fib_server")

@@ -1,6 +1,6 @@
 """When gateways retry to connect to a hub."""
 
-from rocon_gateway.adapters.hub_client import RETRY, retry_pause
+from rocon_gateway.hub.client import RETRY, retry_pause
 
 
 def test_gateways_of_a_fleet_do_not_come_back_to_their_hub_in_step() -> None:

@@ -3,8 +3,8 @@
 import pytest
 from gateway_msgs.msg import ConnectionType, ErrorCodes
 
-from rocon_gateway.core.error import RequestError
-from rocon_gateway.core.matching import (
+from rocon_gateway.error import RequestError
+from rocon_gateway.rules.matching import (
     ALL,
     absolute_name,
     base_name,

@@ -2,9 +2,9 @@
 
 import pytest
 
-from rocon_gateway.core.error import RequestError
-from rocon_gateway.core.matching import ALL
-from rocon_gateway.core.rulebook import RuleBook, check_gateway
+from rocon_gateway.error import RequestError
+from rocon_gateway.rules.matching import ALL
+from rocon_gateway.rules.rulebook import RuleBook, check_gateway
 from rocon_hub_protocol.code import Code
 from rocon_hub_protocol.rule import Kind, RemoteRule, Rule
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from rocon_gateway.adapters import hubs
-from rocon_gateway.adapters.examiner import Examiner
-from rocon_gateway.adapters.hubs import Hubs, HubsConfig
+from rocon_gateway.doctor.examiner import Examiner
+from rocon_gateway.hub import hubs
+from rocon_gateway.hub.hubs import Hubs, HubsConfig
 from rocon_hub_protocol.address import HubAddress
 from rocon_hub_protocol.record import Record
 from rocon_hub_protocol.sighting import Sighting

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pioneer_harness.port import PortReservation
-from rocon_gateway.adapters.hub_session import HubSession
+from rocon_gateway.hub.session import HubSession
 from rocon_hub.config import HubConfig
 from rocon_hub.redis_server import RedisServer
 from rocon_hub.registry import Registry

@@ -2,9 +2,9 @@ import dataclasses
 
 import pytest
 
-from rocon_relay.core.connection import ANY, LinkState, is_proxy_uri, proxy_name, proxy_uri
-from rocon_relay.core.link import Hello, LinkError, is_proof, mismatch, proof, state_from_field
-from rocon_relay.core.option import LinkOptions
+from rocon_relay.connection import ANY, LinkState, is_proxy_uri, proxy_name, proxy_uri
+from rocon_relay.link import Hello, LinkError, is_proof, mismatch, proof, state_from_field
+from rocon_relay.option import LinkOptions
 from tcpros.header import header_bytes, header_fields
 
 HELLO = Hello(

@@ -1,6 +1,6 @@
 import pytest
 
-from rocon_relay.core.option import NO_OPTIONS, LinkOptions, OptionError, options_from_fields
+from rocon_relay.option import NO_OPTIONS, LinkOptions, OptionError, options_from_fields
 
 
 def test_options_survive_the_way_through_a_header():

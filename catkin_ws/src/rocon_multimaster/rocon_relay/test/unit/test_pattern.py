@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from rocon_relay.core.pattern import PatternError, compiled, matches_whole
+from rocon_relay.pattern import PatternError, compiled, matches_whole
 
 
 @pytest.mark.parametrize(

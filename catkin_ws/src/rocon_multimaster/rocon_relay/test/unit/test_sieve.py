@@ -10,7 +10,7 @@ from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from tf2_msgs.msg import TFMessage
 
-from rocon_relay.core.sieve import (
+from rocon_relay.sieve import (
     MOST_KINDS,
     DeflatedError,
     Pace,

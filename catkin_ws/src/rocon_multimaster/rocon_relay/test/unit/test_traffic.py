@@ -1,9 +1,9 @@
 import pytest
 
-from rocon_relay.core.connection import LinkState, LinkStatus
-from rocon_relay.core.latency import RoundTrips
-from rocon_relay.core.link import seconds_from_field
-from rocon_relay.core.traffic import Traffic
+from rocon_relay.connection import LinkState, LinkStatus
+from rocon_relay.latency import RoundTrips
+from rocon_relay.link import seconds_from_field
+from rocon_relay.traffic import Traffic
 
 
 def link(messages, size):

@@ -11,19 +11,19 @@ import redis
 from gateway_model import FakeGateway
 from redis_model import ClientModel, RedisModel, Subscription
 
-from rocon_gateway.adapters import hub_session
-from rocon_gateway.adapters.hub_client import RETRY
-from rocon_gateway.adapters.hub_session import HEARTBEAT, HubSession, event_from_message
-from rocon_gateway.core.hub_state import HubState, Publication
-from rocon_gateway.core.membership import Memberships, Overview
-from rocon_gateway.core.presence import HubView
-from rocon_gateway.core.reconcile import reconcile
-from rocon_gateway.core.situation import Outcome, Situation
+from rocon_gateway.hub import session as hub_session
+from rocon_gateway.hub.client import RETRY
+from rocon_gateway.hub.membership import Memberships, Overview
+from rocon_gateway.hub.presence import HubView
+from rocon_gateway.hub.session import HEARTBEAT, HubSession, event_from_message
+from rocon_gateway.hub.state import HubState, Publication
+from rocon_gateway.rules.reconcile import reconcile
+from rocon_gateway.rules.situation import Outcome, Situation
 from rocon_hub_protocol.address import HubAddress
 from rocon_hub_protocol.code import Code, HubError
 from rocon_hub_protocol.record import Record
 from rocon_hub_protocol.redis_client import OPEN, TIMEOUT
-from rocon_relay.core.connection import Export, Import, LinkState, LinkStatus
+from rocon_relay.connection import Export, Import, LinkState, LinkStatus
 
 if TYPE_CHECKING:
     from world import World

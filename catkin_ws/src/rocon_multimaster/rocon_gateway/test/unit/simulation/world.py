@@ -14,9 +14,9 @@ from process import Computer, Process
 from redis_model import ClientModel, RedisModel, Subscription
 from schedule import NAMES, Fault
 
-from rocon_gateway.core.matching import ALL
-from rocon_gateway.core.rulebook import RuleBook
-from rocon_gateway.core.situation import Outcome
+from rocon_gateway.rules.matching import ALL
+from rocon_gateway.rules.rulebook import RuleBook
+from rocon_gateway.rules.situation import Outcome
 from rocon_hub.registry import Registry
 from rocon_hub_protocol.key import GATEWAYS_KEY, requests_key
 from rocon_hub_protocol.record import text_from_request

@@ -13,10 +13,10 @@ import xmlrpc.client
 from pathlib import Path
 
 from pioneer_harness.wait import wait_until
-from rocon_relay.adapters.keyring import PasswordKeyring
-from rocon_relay.adapters.relay import TcpRelay
-from rocon_relay.core.connection import ANY, Address, Export, Import, LinkState, RelayConfig
-from rocon_relay.core.option import NO_OPTIONS
+from rocon_relay.connection import ANY, Address, Export, Import, LinkState, RelayConfig
+from rocon_relay.keyring import PasswordKeyring
+from rocon_relay.option import NO_OPTIONS
+from rocon_relay.relay import TcpRelay
 from tcpros.header import header_bytes, header_fields
 
 NODES = Path(__file__).parent.parent.parent / "node"

@@ -7,11 +7,11 @@ import struct
 
 import pytest
 
-from rocon_relay.adapters.context import Context
-from rocon_relay.adapters.export_end import ExportEnd
-from rocon_relay.adapters.subscription import Subscription
-from rocon_relay.core.connection import Export, RelayConfig, Subject
-from rocon_relay.core.link import Hello
+from rocon_relay.connection import Export, RelayConfig, Subject
+from rocon_relay.context import Context
+from rocon_relay.export_end import ExportEnd
+from rocon_relay.link import Hello
+from rocon_relay.subscription import Subscription
 from tcpros.header import header_bytes
 from tcpros.reactor import Reactor
 

@@ -14,7 +14,7 @@ from test_services import connect as connect_service
 
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
-from rocon_relay.core.connection import ANY, Export, Import, LinkState, Subject
+from rocon_relay.connection import ANY, Export, Import, LinkState, Subject
 from tcpros import dialled_stream, listener
 
 # rosmaster leaves its connections to nodes to the garbage collector.
@@ -32,7 +32,7 @@ class Scarce:
             next(
                 name
                 for name in sys.modules
-                if re.fullmatch(rf"(tcpros|rocon_relay\.adapters)\.{module}", name)
+                if re.fullmatch(rf"(tcpros|rocon_relay)\.{module}", name)
             )
         ] = times
 

@@ -20,7 +20,7 @@ from relay_side import (
 
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
-from rocon_relay.core.connection import LinkState, is_proxy_uri
+from rocon_relay.connection import LinkState, is_proxy_uri
 from tcpros.pipe import Pipe
 
 # rosmaster leaves its connections to nodes to the garbage collector.

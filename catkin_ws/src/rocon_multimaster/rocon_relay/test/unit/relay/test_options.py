@@ -7,8 +7,8 @@ from relay_side import Subscriber, connect, number_of_good, wait_for
 from tf2_msgs.msg import TFMessage
 
 from pioneer_harness.wait import wait_until
-from rocon_relay.core.connection import LinkState
-from rocon_relay.core.option import LinkOptions
+from rocon_relay.connection import LinkState
+from rocon_relay.option import LinkOptions
 
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

@@ -4,8 +4,8 @@ import pytest
 from relay_side import wait_for
 
 from pioneer_harness.wait import wait_until
-from rocon_relay.adapters.parameter_copy import MAX_PARAMETER
-from rocon_relay.core.connection import ANY, Export, Import, LinkState, Subject
+from rocon_relay.connection import ANY, Export, Import, LinkState, Subject
+from rocon_relay.parameter_copy import MAX_PARAMETER
 
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

@@ -6,7 +6,7 @@ import pytest
 from relay_side import Subscriber, connect
 
 from pioneer_harness.wait import wait_until
-from rocon_relay.core.connection import LinkState
+from rocon_relay.connection import LinkState
 
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

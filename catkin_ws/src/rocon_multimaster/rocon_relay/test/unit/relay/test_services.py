@@ -15,8 +15,8 @@ from relay_side import NODES, node_at, wait_for
 
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
-from rocon_relay.adapters import service_import
-from rocon_relay.core.connection import ANY, Export, Import, LinkState, Subject
+from rocon_relay import service_import
+from rocon_relay.connection import ANY, Export, Import, LinkState, Subject
 from tcpros.header import header_bytes, header_fields
 
 # rosmaster leaves its connections to nodes to the garbage collector.

@@ -8,7 +8,7 @@ from relay_side import Subscriber, connect, export, imported, wait_for
 from tcp_proxy import TcpProxy
 
 from pioneer_harness.wait import wait_until
-from rocon_relay.core.connection import Address, LinkState
+from rocon_relay.connection import Address, LinkState
 
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

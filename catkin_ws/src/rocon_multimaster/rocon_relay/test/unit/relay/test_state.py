@@ -8,8 +8,8 @@ from relay_side import NODES, STRING, Subscriber, connect, export, imported, nod
 
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
-from rocon_relay.core.connection import ANY, ConnectionConflictError, LinkState
-from rocon_relay.core.pattern import PatternError
+from rocon_relay.connection import ANY, ConnectionConflictError, LinkState
+from rocon_relay.pattern import PatternError
 from tcpros.header import header_bytes
 
 # rosmaster leaves its connections to nodes to the garbage collector.

@@ -7,7 +7,7 @@ import pytest
 from relay_side import Subscriber, connect, export, imported, number_of_good, wait_for
 
 from pioneer_harness.wait import wait_until
-from rocon_relay.core.connection import LinkState
+from rocon_relay.connection import LinkState
 from tcpros.header import header_bytes
 
 # rosmaster leaves its connections to nodes to the garbage collector.

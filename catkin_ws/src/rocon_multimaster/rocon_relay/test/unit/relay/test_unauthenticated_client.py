@@ -21,9 +21,9 @@ from relay_side import (
 )
 
 from pioneer_harness.wait import wait_until
-from rocon_relay.adapters.keyring import PasswordKeyring, key_name
-from rocon_relay.core.connection import ANY, Address, Export, Import, LinkState, Subject
-from rocon_relay.core.link import Hello, proof
+from rocon_relay.connection import ANY, Address, Export, Import, LinkState, Subject
+from rocon_relay.keyring import PasswordKeyring, key_name
+from rocon_relay.link import Hello, proof
 from tcpros.header import header_bytes, header_fields
 
 # rosmaster leaves its connections to nodes to the garbage collector.

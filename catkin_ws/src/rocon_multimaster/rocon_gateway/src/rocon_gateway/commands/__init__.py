@@ -1,0 +1,1 @@
+"""The command-line tools, and the Python interface of rocon's tests."""

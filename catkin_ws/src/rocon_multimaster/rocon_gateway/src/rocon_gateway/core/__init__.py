@@ -1,1 +1,0 @@
-"""The pure core of the gateway: no ROS, sockets, clocks or threads."""

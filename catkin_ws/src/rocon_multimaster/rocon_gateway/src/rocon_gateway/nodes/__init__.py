@@ -1,1 +1,0 @@
-"""Nodes and command-line tools: the only place for rospy."""

@@ -1,1 +1,0 @@
-"""Adapters: each module wraps one external interface."""
