@@ -18,13 +18,9 @@ from sensor_msgs.msg import LaserScan
 from std_srvs.srv import Empty
 from tf2_msgs.msg import TFMessage
 
-from nav_bundle.conversions import (
-    GridMessage,
-    message_from_grid,
-    message_from_pose,
-    pose_from_message,
-)
-from nav_bundle.core.pose import Pose
+from nav_bundle.base.conversions import message_from_pose, pose_from_message
+from nav_bundle.base.pose import Pose
+from nav_bundle.maps.conversions import GridMessage, message_from_grid
 from pioneer_harness.wait import wait_until
 
 

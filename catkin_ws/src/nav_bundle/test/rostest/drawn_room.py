@@ -6,11 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core.error import MapError
-from nav_bundle.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
-from nav_bundle.core.pose import Pose
-from nav_bundle.core.sensor import placement
-from nav_bundle.kernels.likelihood import expected_ranges
+from nav_bundle.base.error import MapError
+from nav_bundle.base.pose import Pose
+from nav_bundle.localisation.likelihood_kernel import expected_ranges
+from nav_bundle.localisation.sensor_model import placement
+from nav_bundle.maps.grid import FREE, OCCUPIED, UNKNOWN, Grid
 
 CHAMBER = [
     "#########",

@@ -13,7 +13,7 @@ from drawn_room import grid_from_text
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from nav_msgs.srv import GetMap, LoadMap, LoadMapResponse
 
-from nav_bundle.adapters.map_file import read_map, write_map
+from nav_bundle.maps.map_file import read_map, write_map
 
 CELLS = [100, 100, 100, 100, 100, 0, -1, 100, 100, 100, 100, 100]
 TIMEOUT = 30.0

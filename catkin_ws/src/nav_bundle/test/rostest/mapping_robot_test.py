@@ -9,10 +9,10 @@ from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import OccupancyGrid
 from one_robot_test import Robot
 
-from nav_bundle.conversions import GridMessage, grid_from_message
-from nav_bundle.core.grid import OCCUPIED
-from nav_bundle.core.pose import Pose
-from nav_bundle.core.transform import TransformError
+from nav_bundle.base.pose import Pose
+from nav_bundle.base.transform import TransformError
+from nav_bundle.maps.conversions import GridMessage, grid_from_message
+from nav_bundle.maps.grid import OCCUPIED
 from pioneer_harness.wait import wait_until
 
 START = Pose(-4.5, 3.5, -1.57)

@@ -12,10 +12,10 @@ from nav_msgs.msg import Odometry
 from simple_navigation_goals.msg import WaypointQueue
 from std_msgs.msg import Header, UInt32
 
-from nav_bundle.conversions import pose_from_message
-from nav_bundle.core.pose import Pose, angle_difference
-from nav_bundle.core.transform import TransformError
-from nav_bundle.nodes.transform import TransformListener
+from nav_bundle.base.conversions import pose_from_message
+from nav_bundle.base.pose import Pose, angle_difference
+from nav_bundle.base.topics import TransformListener
+from nav_bundle.base.transform import TransformError
 from pioneer_harness.wait import wait_until
 
 WAYPOINTS = ((-2.5, -0.5), (3.5, -3.0))

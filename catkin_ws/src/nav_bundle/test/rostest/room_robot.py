@@ -11,9 +11,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
-from nav_bundle.conversions import yaw_from_quaternion
-from nav_bundle.core.pose import Pose
-from nav_bundle.nodes.transform import TransformBroadcaster
+from nav_bundle.base.conversions import yaw_from_quaternion
+from nav_bundle.base.pose import Pose
+from nav_bundle.base.topics import TransformBroadcaster
 
 START = Pose(1.5, 1.5, 0.0)
 ODOM_START = Pose(-4.0, 3.0, 1.0)

@@ -18,10 +18,10 @@ from std_msgs.msg import UInt32
 from std_srvs.srv import Empty
 from wanderer import Wanderer
 
-from nav_bundle.conversions import message_from_pose, pose_from_message
-from nav_bundle.core.pose import Pose
-from nav_bundle.core.transform import TransformError
-from nav_bundle.nodes.transform import TransformListener
+from nav_bundle.base.conversions import message_from_pose, pose_from_message
+from nav_bundle.base.pose import Pose
+from nav_bundle.base.topics import TransformListener
+from nav_bundle.base.transform import TransformError
 
 LONGEST_LAG = 0.5
 """How long a ground truth waits for the pose estimate of its stamp [s of wall time]; then it is skipped."""

@@ -13,7 +13,7 @@ from actionlib_msgs.msg import GoalStatus
 from scenario_robot import Robot
 from scenario_world import START_UP, World
 
-from nav_bundle.core.pose import Pose
+from nav_bundle.base.pose import Pose
 from pioneer_harness.wait import wait_until
 
 NO_PLAN = (

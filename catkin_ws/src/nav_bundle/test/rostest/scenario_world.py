@@ -8,8 +8,8 @@ from gazebo_msgs.msg import ModelState
 from gazebo_msgs.srv import DeleteModel, SetModelState, SpawnModel
 from rosgraph_msgs.msg import Clock
 
-from nav_bundle.conversions import message_from_pose
-from nav_bundle.core.pose import Pose
+from nav_bundle.base.conversions import message_from_pose
+from nav_bundle.base.pose import Pose
 from pioneer_harness.wait import wait_until
 
 START_UP = 120.0

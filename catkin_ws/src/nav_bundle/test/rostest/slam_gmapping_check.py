@@ -10,8 +10,8 @@ from nav_msgs.msg import MapMetaData
 from room_robot import ODOM_START, START, RoomRobot, RoomTest
 from std_msgs.msg import Float64
 
-from nav_bundle.conversions import GetMapArray, GridMessage, grid_from_message
-from nav_bundle.core.map_quality import agreement
+from nav_bundle.maps.conversions import GetMapArray, GridMessage, grid_from_message
+from nav_bundle.maps.map_quality import agreement
 
 TF_DELAY = 0.25
 STEP, TURN = 0.3, math.pi / 10

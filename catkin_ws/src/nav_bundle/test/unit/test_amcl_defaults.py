@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from nav_bundle.core.amcl_config import AmclConfig
+from nav_bundle.localisation.config import AmclConfig
 
 CONFIG = Path(__file__).parents[2] / "config"
 ORIGINALS = {

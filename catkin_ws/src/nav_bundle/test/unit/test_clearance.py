@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from nav_bundle.core.clearance import Clearance
-from nav_bundle.core.costmap.config import costmap_config_from_parameters
-from nav_bundle.core.costmap.cost import INSCRIBED
-from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.costmap.layer import Observation
-from nav_bundle.core.local_planner import STANDSTILL, Situation
-from nav_bundle.core.pose import Pose
+from nav_bundle.base.pose import Pose
+from nav_bundle.base.velocity import STANDSTILL
+from nav_bundle.control.clearance import Clearance
+from nav_bundle.control.local_planner import Situation
+from nav_bundle.costmap.config import costmap_config_from_parameters
+from nav_bundle.costmap.cost import INSCRIBED
+from nav_bundle.costmap.costmap import Costmap
+from nav_bundle.costmap.layer import Observation
 
 PARAMETERS = {
     "rolling_window": True,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nav_bundle.core.clock import RESET, ClockWatch, Jump
+from nav_bundle.base.clock import RESET, ClockWatch, Jump
 
 
 def test_time_that_goes_on_does_not_jump():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from nav_bundle.adapters.transform_store import ClockJump
+from nav_bundle.base.transform_store import ClockJump
 
 
 @pytest.fixture

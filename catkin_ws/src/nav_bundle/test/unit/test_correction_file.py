@@ -4,11 +4,11 @@ from types import SimpleNamespace
 import pytest
 import rospy
 
-from nav_bundle.adapters.correction_file import Correction, CorrectionFile, CorrectionFileError
-from nav_bundle.core.clock import ClockWatch
-from nav_bundle.core.pose import Pose
-from nav_bundle.nodes.amcl import AmclNode
-from nav_bundle.nodes.estimate import PoseStore
+from nav_bundle.base.clock import ClockWatch
+from nav_bundle.base.pose import Pose
+from nav_bundle.localisation.correction_file import Correction, CorrectionFile, CorrectionFileError
+from nav_bundle.localisation.node import AmclNode
+from nav_bundle.localisation.topics import PoseStore
 
 ODOM = Pose(4.0, 3.0, 1.0)
 

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from drawn_room import grid_from_text
 
-from nav_bundle.core.costmap.config import InflationConfig, costmap_config_from_parameters
-from nav_bundle.core.costmap.cost import (
+from nav_bundle.base.pose import Pose
+from nav_bundle.base.scan import points_from_ranges
+from nav_bundle.costmap.config import InflationConfig, costmap_config_from_parameters
+from nav_bundle.costmap.cost import (
     FREE,
     INSCRIBED,
     LETHAL,
@@ -15,11 +17,9 @@ from nav_bundle.core.costmap.cost import (
     cost_by_occupancy,
     occupancy_by_cost,
 )
-from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.costmap.footprint import FootprintError, footprint_from_parameters
-from nav_bundle.core.costmap.layer import Observation, ObservationBuffer
-from nav_bundle.core.pose import Pose
-from nav_bundle.core.sensor import points_from_ranges
+from nav_bundle.costmap.costmap import Costmap
+from nav_bundle.costmap.footprint import FootprintError, footprint_from_parameters
+from nav_bundle.costmap.layer import Observation, ObservationBuffer
 from pioneer_node.core.parameter import ParameterError
 
 FOOTPRINT = [[0.2, 0.2], [0.2, -0.2], [-0.3, -0.2], [-0.3, 0.2]]

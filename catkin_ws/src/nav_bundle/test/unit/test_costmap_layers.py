@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from drawn_room import grid_from_text
 
-from nav_bundle.core.costmap.config import (
+from nav_bundle.base.pose import Pose
+from nav_bundle.costmap.config import (
     CostmapConfig,
     FleetConfig,
     InflationConfig,
@@ -16,11 +17,10 @@ from nav_bundle.core.costmap.config import (
     StaticConfig,
     costmap_config_from_parameters,
 )
-from nav_bundle.core.costmap.cost import FREE, INSCRIBED, LETHAL, UNKNOWN
-from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.costmap.layer import Observation
-from nav_bundle.core.grid import Grid
-from nav_bundle.core.pose import Pose
+from nav_bundle.costmap.cost import FREE, INSCRIBED, LETHAL, UNKNOWN
+from nav_bundle.costmap.costmap import Costmap
+from nav_bundle.costmap.layer import Observation
+from nav_bundle.maps.grid import Grid
 
 FOOTPRINT = ((0.2, 0.2), (0.2, -0.2), (-0.3, -0.2), (-0.3, 0.2))
 LASER = SourceConfig("base_scan", clearing=True)

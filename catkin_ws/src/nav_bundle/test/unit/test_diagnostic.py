@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from nav_bundle.nodes.estimate import deviation_status
+from nav_bundle.localisation.topics import deviation_status
 
 
 @pytest.mark.parametrize(

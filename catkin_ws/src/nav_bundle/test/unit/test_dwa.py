@@ -5,17 +5,18 @@ import math
 import numpy as np
 import pytest
 
-from nav_bundle.core.clearance import Clearance
-from nav_bundle.core.costmap.config import costmap_config_from_parameters
-from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.dwa_config import dwa_config_from_parameters
-from nav_bundle.core.dwa_planner import DwaPlanner, DynamicWindow, Oscillation
-from nav_bundle.core.local_planner import STANDSTILL, Situation, Velocity
-from nav_bundle.core.move_base_config import setup_from_parameters
-from nav_bundle.core.pose import Pose
-from nav_bundle.core.trajectory_planner import TrajectoryPlanner
-from nav_bundle.kernels.dynamic_window import Nose
-from nav_bundle.kernels.trajectory import Horizon, Scales
+from nav_bundle.base.pose import Pose
+from nav_bundle.base.velocity import STANDSTILL, Velocity
+from nav_bundle.control.clearance import Clearance
+from nav_bundle.control.dwa_config import dwa_config_from_parameters
+from nav_bundle.control.dwa_planner import DwaPlanner, DynamicWindow, Oscillation
+from nav_bundle.control.dynamic_window_kernel import Nose
+from nav_bundle.control.local_planner import Situation
+from nav_bundle.control.trajectory_kernel import Horizon, Scales
+from nav_bundle.control.trajectory_planner import TrajectoryPlanner
+from nav_bundle.costmap.config import costmap_config_from_parameters
+from nav_bundle.costmap.costmap import Costmap
+from nav_bundle.move_base.config import setup_from_parameters
 from pioneer_node.core.parameter import ParameterError
 
 LOCAL = {

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import yaml
 
-from nav_bundle.core.gmapping_config import GmappingConfig
+from nav_bundle.mapping.config import GmappingConfig
 from pioneer_node.core.parameter import config_from_mapping
 
 CONFIG = Path(__file__).parents[2] / "config"

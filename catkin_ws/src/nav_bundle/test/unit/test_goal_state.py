@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from drawn_room import grid_from_text
 
-from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.local_planner import Velocity
-from nav_bundle.core.move_base import Outcome, Phase
-from nav_bundle.core.move_base_config import setup_from_parameters
-from nav_bundle.core.navigator import Navigator, Sight
-from nav_bundle.core.pose import Pose
+from nav_bundle.base.pose import Pose
+from nav_bundle.base.velocity import Velocity
+from nav_bundle.costmap.costmap import Costmap
+from nav_bundle.move_base.config import setup_from_parameters
+from nav_bundle.move_base.navigator import Navigator, Sight
+from nav_bundle.move_base.state_machine import Outcome, Phase
 
 BODY = [[0.2, 0.2], [0.2, -0.2], [-0.3, -0.2], [-0.3, 0.2]]
 ROOM = ["##########", *["#........#"] * 4, "##########"]
@@ -72,7 +72,7 @@ def fields_of(value):
     """Returns what an object remembers, nested objects of the package included."""
     if isinstance(value, np.ndarray):
         return value.tolist()
-    if type(value).__module__.startswith("nav_bundle.core") and hasattr(value, "__dict__"):
+    if type(value).__module__.startswith("nav_bundle.") and hasattr(value, "__dict__"):
         return {name: fields_of(each) for name, each in vars(value).items()}
     return value
 

@@ -8,23 +8,20 @@ from drawn_room import CHAMBER, enlarged
 from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 
-from nav_bundle.conversions import (
-    grid_from_message,
-    points_from_cloud,
-    points_from_scan,
-    scan_from_message,
-    velocity_from_odometry,
-)
-from nav_bundle.core.amcl_config import AmclConfig
-from nav_bundle.core.costmap.config import costmap_config_from_parameters
-from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.costmap.layer import Observation
-from nav_bundle.core.error import NavigationError
-from nav_bundle.core.gmapping_config import GmappingConfig
-from nav_bundle.core.localisation import Localisation
-from nav_bundle.core.pose import LARGEST, Pose
-from nav_bundle.core.slam import Slam
-from nav_bundle.core.transform import Transform, fault_of
+from nav_bundle.base.conversions import scan_from_message
+from nav_bundle.base.error import NavigationError
+from nav_bundle.base.pose import LARGEST, Pose
+from nav_bundle.base.transform import Transform, fault_of
+from nav_bundle.control.conversions import velocity_from_odometry
+from nav_bundle.costmap.config import costmap_config_from_parameters
+from nav_bundle.costmap.conversions import points_from_cloud, points_from_scan
+from nav_bundle.costmap.costmap import Costmap
+from nav_bundle.costmap.layer import Observation
+from nav_bundle.localisation.config import AmclConfig
+from nav_bundle.localisation.localisation import Localisation
+from nav_bundle.mapping.config import GmappingConfig
+from nav_bundle.mapping.slam import Slam
+from nav_bundle.maps.conversions import grid_from_message
 
 ROUNDS = 150
 FLOATS = [

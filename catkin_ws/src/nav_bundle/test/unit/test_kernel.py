@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nav_bundle.kernels.costmap import Place, Rays, inflate, mark_points
+from nav_bundle.costmap.costmap_kernel import Place, Rays, inflate, mark_points
 from pioneer_kernels.declaration import KernelError
 
 CELLS = np.zeros((4, 4), np.uint8)

@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from nav_bundle.core.grid import OCCUPIED
-from nav_bundle.core.pose import Pose
-from nav_bundle.core.sensor import placement
-from nav_bundle.kernels import likelihood
+from nav_bundle.base.pose import Pose
+from nav_bundle.localisation import likelihood_kernel as likelihood
+from nav_bundle.localisation.sensor_model import placement
+from nav_bundle.maps.grid import OCCUPIED
 
 
 def brute_force(cells: NDArray[np.int8], cap: int) -> NDArray[np.int64]:

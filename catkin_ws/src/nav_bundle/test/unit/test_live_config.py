@@ -2,9 +2,9 @@
 
 import pytest
 
-from nav_bundle.core.amcl_config import AmclConfig
-from nav_bundle.core.costmap.config import InflationConfig
-from nav_bundle.core.move_base_config import changed_parameters, setup_from_parameters
+from nav_bundle.costmap.config import InflationConfig
+from nav_bundle.localisation.config import AmclConfig
+from nav_bundle.move_base.config import changed_parameters, setup_from_parameters
 from pioneer_node.core.live import live_parameters, live_values
 from pioneer_node.core.parameter import ParameterError
 

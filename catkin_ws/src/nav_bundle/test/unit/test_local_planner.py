@@ -8,31 +8,26 @@ import pytest
 import yaml
 from drawn_room import grid_from_text
 
-from nav_bundle.core.clearance import Clearance
-from nav_bundle.core.costmap.config import costmap_config_from_parameters
-from nav_bundle.core.costmap.cost import LETHAL
-from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.costmap.footprint import Footprint
-from nav_bundle.core.costmap.layer import Observation
-from nav_bundle.core.dwa_config import DwaConfig, dwa_config_from_parameters
-from nav_bundle.core.dwa_planner import DwaPlanner, DynamicWindow
-from nav_bundle.core.grid import OCCUPIED, Grid
-from nav_bundle.core.local_planner import (
-    STANDSTILL,
-    Decision,
-    LocalPlannerError,
-    Situation,
-    Velocity,
-)
-from nav_bundle.core.move_base_config import Care
-from nav_bundle.core.navfn import MEETING_DISTANCE, NavfnConfig, NavfnPlanner
-from nav_bundle.core.planner import path_between
-from nav_bundle.core.pose import Pose
-from nav_bundle.core.rollout import Rollout
-from nav_bundle.core.trajectory_config import trajectory_config_from_parameters
-from nav_bundle.core.trajectory_planner import TrajectoryPlanner
-from nav_bundle.kernels.dynamic_window import Nose
-from nav_bundle.kernels.trajectory import Horizon, Scales
+from nav_bundle.base.pose import Pose
+from nav_bundle.base.velocity import STANDSTILL, Velocity
+from nav_bundle.control.clearance import Clearance
+from nav_bundle.control.dwa_config import DwaConfig, dwa_config_from_parameters
+from nav_bundle.control.dwa_planner import DwaPlanner, DynamicWindow
+from nav_bundle.control.dynamic_window_kernel import Nose
+from nav_bundle.control.local_planner import Decision, LocalPlannerError, Situation
+from nav_bundle.control.rollout import Rollout
+from nav_bundle.control.trajectory_config import trajectory_config_from_parameters
+from nav_bundle.control.trajectory_kernel import Horizon, Scales
+from nav_bundle.control.trajectory_planner import TrajectoryPlanner
+from nav_bundle.costmap.config import costmap_config_from_parameters
+from nav_bundle.costmap.cost import LETHAL
+from nav_bundle.costmap.costmap import Costmap
+from nav_bundle.costmap.footprint import Footprint
+from nav_bundle.costmap.layer import Observation
+from nav_bundle.maps.grid import OCCUPIED, Grid
+from nav_bundle.move_base.config import Care
+from nav_bundle.planning.navfn import MEETING_DISTANCE, NavfnConfig, NavfnPlanner
+from nav_bundle.planning.planner import path_between
 from pioneer_node.core.parameter import ParameterError
 
 RESOLUTION = 0.05

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from drawn_room import ROOM, enlarged, ranges_at
 
-from nav_bundle.core.amcl_config import AmclConfig
-from nav_bundle.core.localisation import Localisation, NoMapError
-from nav_bundle.core.pose import Pose, angle_difference
-from nav_bundle.core.sensor import Scan
+from nav_bundle.base.pose import Pose, angle_difference
+from nav_bundle.base.scan import Scan
+from nav_bundle.localisation.config import AmclConfig
+from nav_bundle.localisation.localisation import Localisation, NoMapError
 
 CONFIG = AmclConfig(
     min_particles=500, max_particles=2000, kld_err=0.05, laser_max_beams=60, laser_max_range=12.0, laser_z_hit=0.5,

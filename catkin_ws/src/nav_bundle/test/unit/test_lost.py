@@ -13,12 +13,13 @@ import numpy as np
 from drawn_room import ranges_at
 from wanderer import Wanderer
 
-from nav_bundle.adapters.map_file import read_map
-from nav_bundle.core.amcl_config import AmclConfig
-from nav_bundle.core.grid import FREE
-from nav_bundle.core.localisation import Localisation
-from nav_bundle.core.pose import Pose, angle_difference
-from nav_bundle.core.sensor import DistanceField, Scan
+from nav_bundle.base.pose import Pose, angle_difference
+from nav_bundle.base.scan import Scan
+from nav_bundle.localisation.config import AmclConfig
+from nav_bundle.localisation.localisation import Localisation
+from nav_bundle.localisation.sensor_model import DistanceField
+from nav_bundle.maps.grid import FREE
+from nav_bundle.maps.map_file import read_map
 
 BUILDING = read_map(Path(drawn_room.__file__).with_name("scenario.yaml"))
 CLEARANCE = DistanceField(BUILDING, 1.0)

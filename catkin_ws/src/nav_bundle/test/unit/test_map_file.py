@@ -7,15 +7,15 @@ import pytest
 from drawn_room import grid_from_text
 from PIL import Image
 
-from nav_bundle.adapters.map_file import (
+from nav_bundle.base.error import MapError
+from nav_bundle.base.pose import Pose
+from nav_bundle.maps.map_file import (
     MapFileMissingError,
     MapImageError,
     MapMetadataError,
     read_map,
     write_map,
 )
-from nav_bundle.core.error import MapError
-from nav_bundle.core.pose import Pose
 
 YAML = "image: room.pgm\nresolution: 0.1\norigin: [-1, -2, 0.5]\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from nav_bundle.core.amcl_config import ODOM_MODELS
-from nav_bundle.core.motion import Alphas, motion_model
-from nav_bundle.core.pose import Pose
+from nav_bundle.base.pose import Pose
+from nav_bundle.localisation.config import ODOM_MODELS
+from nav_bundle.localisation.motion_model import Alphas, motion_model
 
 QUIET: Alphas = (0.0, 0.0, 0.0, 0.0, 0.0)
 

@@ -6,9 +6,11 @@ import pytest
 from geometry_msgs.msg import Point, Quaternion
 from geometry_msgs.msg import Pose as PoseMessage
 
-from nav_bundle.core.global_planner import GlobalPlanner
-from nav_bundle.core.local_planner import STANDSTILL, Velocity
-from nav_bundle.core.move_base import (
+from nav_bundle.base.pose import Pose
+from nav_bundle.base.velocity import STANDSTILL, Velocity
+from nav_bundle.move_base.action_server import GoalError, check_goal
+from nav_bundle.move_base.config import setup_from_parameters
+from nav_bundle.move_base.state_machine import (
     STALE_TEXT,
     Finish,
     FollowPlan,
@@ -25,10 +27,8 @@ from nav_bundle.core.move_base import (
     Warn,
     advance,
 )
-from nav_bundle.core.move_base_config import setup_from_parameters
-from nav_bundle.core.navfn import NavfnPlanner
-from nav_bundle.core.pose import Pose
-from nav_bundle.nodes.move_base_action import GoalError, check_goal
+from nav_bundle.planning.global_planner import GlobalPlanner
+from nav_bundle.planning.navfn import NavfnPlanner
 from pioneer_node.core.parameter import ParameterError
 
 LIMITS = Limits(planner_frequency=0.5, recoveries=4)

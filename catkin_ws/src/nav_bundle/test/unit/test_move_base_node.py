@@ -7,11 +7,11 @@ import pytest
 import rospy
 from geometry_msgs.msg import Twist
 
-from nav_bundle.core.costmap.config import SourceConfig
-from nav_bundle.core.costmap.layer import Observation
-from nav_bundle.core.costmap.source import Arrival, Source
-from nav_bundle.nodes.costmap import CostmapNode
-from nav_bundle.nodes.move_base import MoveBaseNode
+from nav_bundle.costmap.config import SourceConfig
+from nav_bundle.costmap.layer import Observation
+from nav_bundle.costmap.node import CostmapNode
+from nav_bundle.costmap.source import Arrival, Source
+from nav_bundle.move_base.node import MoveBaseNode
 
 
 def test_an_exception_in_the_loop_still_ends_with_a_zero_velocity(

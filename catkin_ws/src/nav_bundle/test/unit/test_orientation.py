@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from drawn_room import grid_from_text
 
-from nav_bundle.core.costmap.config import CostmapConfig, StaticConfig
-from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.global_planner import (
+from nav_bundle.base.pose import Pose
+from nav_bundle.costmap.config import CostmapConfig, StaticConfig
+from nav_bundle.costmap.costmap import Costmap
+from nav_bundle.planning.global_planner import (
     GlobalPlanner,
     GlobalPlannerConfig,
     Orientation,
     oriented,
     visible_potential,
 )
-from nav_bundle.core.planner import EVERYTHING, path_between
-from nav_bundle.core.pose import Pose
+from nav_bundle.planning.planner import EVERYTHING, path_between
 
 START = Pose(0.0, 0.0, -1.0)
 CORNER = np.array(

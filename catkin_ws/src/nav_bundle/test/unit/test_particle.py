@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from drawn_room import grid_from_text
 
-from nav_bundle.core.amcl_config import AmclConfig
-from nav_bundle.core.particle import FreeSpace, ParticleFilter
-from nav_bundle.core.pose import Pose
+from nav_bundle.base.pose import Pose
+from nav_bundle.localisation.config import AmclConfig
+from nav_bundle.localisation.particle_filter import FreeSpace, ParticleFilter
 from pioneer_node.core.parameter import ParameterError
 
 CONFIG = AmclConfig(min_particles=200, max_particles=4000, kld_err=0.05)

@@ -10,7 +10,8 @@ from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlanResponse
 
-from nav_bundle.conversions import GetPlanArrayResponse, GridUpdateMessage, PathMessage
+from nav_bundle.costmap.conversions import GridUpdateMessage
+from nav_bundle.planning.conversions import GetPlanArrayResponse, PathMessage
 
 
 def read(kind, message):

@@ -8,19 +8,24 @@ import numpy as np
 import pytest
 from drawn_room import grid_from_text
 
-from nav_bundle.core.costmap.config import costmap_config_from_parameters
-from nav_bundle.core.costmap.cost import INSCRIBED, UNKNOWN
-from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.costmap.layer import Observation
-from nav_bundle.core.global_planner import (
+from nav_bundle.base.pose import Pose
+from nav_bundle.costmap.config import costmap_config_from_parameters
+from nav_bundle.costmap.cost import INSCRIBED, UNKNOWN
+from nav_bundle.costmap.costmap import Costmap
+from nav_bundle.costmap.layer import Observation
+from nav_bundle.planning.global_planner import (
     GlobalPlanner,
     GlobalPlannerConfig,
     global_planner_config_from_parameters,
 )
-from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner, weights
-from nav_bundle.core.planner import GoalOutsideError, NoPathError, StartOutsideError, path_between
-from nav_bundle.core.pose import Pose
-from nav_bundle.kernels.navfn import coarsen
+from nav_bundle.planning.navfn import NavfnConfig, NavfnPlanner, weights
+from nav_bundle.planning.navfn_kernel import coarsen
+from nav_bundle.planning.planner import (
+    GoalOutsideError,
+    NoPathError,
+    StartOutsideError,
+    path_between,
+)
 from pioneer_node.core.parameter import ParameterError
 
 RESOLUTION = 0.1

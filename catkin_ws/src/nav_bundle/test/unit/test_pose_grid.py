@@ -8,9 +8,9 @@ from drawn_room import grid_from_text
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nav_bundle.core.error import MapError
-from nav_bundle.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
-from nav_bundle.core.pose import Pose, angle_difference, normalized_angle
+from nav_bundle.base.error import MapError
+from nav_bundle.base.pose import Pose, angle_difference, normalized_angle
+from nav_bundle.maps.grid import FREE, OCCUPIED, UNKNOWN, Grid
 
 metres = st.floats(-100, 100)
 poses = st.builds(Pose, metres, metres, st.floats(-10, 10))

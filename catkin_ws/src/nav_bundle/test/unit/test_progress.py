@@ -3,8 +3,10 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nav_bundle.core.local_planner import Velocity
-from nav_bundle.core.move_base import (
+from nav_bundle.base.pose import Pose
+from nav_bundle.base.velocity import Velocity
+from nav_bundle.move_base.progress import Progress, ProgressLimits
+from nav_bundle.move_base.state_machine import (
     LATE_TEXT,
     STALE_TEXT,
     Finish,
@@ -18,8 +20,6 @@ from nav_bundle.core.move_base import (
     Trigger,
     advance,
 )
-from nav_bundle.core.pose import Pose
-from nav_bundle.core.progress import Progress, ProgressLimits
 
 alike = settings(derandomize=True, deadline=None, max_examples=60)
 PERIOD = 0.1

@@ -16,19 +16,19 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from PIL import Image
 
-from nav_bundle.adapters.map_file import read_map, write_map
-from nav_bundle.core.amcl_config import AmclConfig
-from nav_bundle.core.costmap.config import costmap_config_from_parameters
-from nav_bundle.core.costmap.cost import FREE, INSCRIBED, LETHAL, cost_by_squared_distance
-from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.global_planner import GlobalPlanner, GlobalPlannerConfig
-from nav_bundle.core.grid import OCCUPIED, UNKNOWN, Grid
-from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
-from nav_bundle.core.particle import ParticleFilter
-from nav_bundle.core.planner import NoPathError, path_between
-from nav_bundle.core.pose import Pose
-from nav_bundle.kernels import costmap as kernel
-from nav_bundle.kernels.costmap import Place, Rays
+from nav_bundle.base.pose import Pose
+from nav_bundle.costmap import costmap_kernel as kernel
+from nav_bundle.costmap.config import costmap_config_from_parameters
+from nav_bundle.costmap.cost import FREE, INSCRIBED, LETHAL, cost_by_squared_distance
+from nav_bundle.costmap.costmap import Costmap
+from nav_bundle.costmap.costmap_kernel import Place, Rays
+from nav_bundle.localisation.config import AmclConfig
+from nav_bundle.localisation.particle_filter import ParticleFilter
+from nav_bundle.maps.grid import OCCUPIED, UNKNOWN, Grid
+from nav_bundle.maps.map_file import read_map, write_map
+from nav_bundle.planning.global_planner import GlobalPlanner, GlobalPlannerConfig
+from nav_bundle.planning.navfn import NavfnConfig, NavfnPlanner
+from nav_bundle.planning.planner import NoPathError, path_between
 
 alike = settings(derandomize=True, deadline=None, max_examples=50)
 

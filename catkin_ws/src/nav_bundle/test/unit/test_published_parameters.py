@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from nav_bundle.core.costmap.config import (
+from nav_bundle.control.dwa_config import DwaConfig
+from nav_bundle.control.trajectory_config import TrajectoryConfig
+from nav_bundle.costmap.config import (
     CostmapConfig,
     InflationConfig,
     ObstacleConfig,
     StaticConfig,
     costmap_config_from_parameters,
 )
-from nav_bundle.core.costmap.footprint import FootprintError, footprint_from_parameters
-from nav_bundle.core.dwa_config import DwaConfig
-from nav_bundle.core.gmapping_config import GmappingConfig
-from nav_bundle.core.move_base_config import MoveBaseConfig, setup_from_parameters
-from nav_bundle.core.trajectory_config import TrajectoryConfig
+from nav_bundle.costmap.footprint import FootprintError, footprint_from_parameters
+from nav_bundle.mapping.config import GmappingConfig
+from nav_bundle.move_base.config import MoveBaseConfig, setup_from_parameters
 from pioneer_node.core.parameter import UNKNOWN, ParameterError
 
 STATIC = {"name": "static_layer", "type": "costmap_2d::StaticLayer"}

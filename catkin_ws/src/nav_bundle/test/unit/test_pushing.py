@@ -5,12 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from nav_bundle.core.costmap.config import costmap_config_from_parameters
-from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.local_planner import STANDSTILL, Velocity
-from nav_bundle.core.pose import Pose
-from nav_bundle.core.pushing import Picture, PushingWatch, stayed
-from nav_bundle.core.recovery import BackUp, ClearConfig, ClearCostmapRecovery, Surroundings
+from nav_bundle.base.pose import Pose
+from nav_bundle.base.scan import Picture
+from nav_bundle.base.velocity import STANDSTILL, Velocity
+from nav_bundle.costmap.config import costmap_config_from_parameters
+from nav_bundle.costmap.costmap import Costmap
+from nav_bundle.move_base.pushing import PushingWatch, stayed
+from nav_bundle.move_base.recovery import BackUp, ClearConfig, ClearCostmapRecovery, Surroundings
 
 FORWARD = Velocity(0.3)
 

@@ -9,16 +9,23 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from drawn_room import grid_from_text
 from nav_bundle.msg import NavigationState
 
-from nav_bundle.core.costmap.config import costmap_config_from_parameters
-from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.costmap.layer import Observation
-from nav_bundle.core.followed_plan import FollowedPlan
-from nav_bundle.core.move_base import Trigger
-from nav_bundle.core.navigator import Report
-from nav_bundle.core.plan_choice import PlanChoice
-from nav_bundle.core.pose import Pose
-from nav_bundle.core.reason import NO_SENSOR_DATA, Code, Condition, Reason, failure, way_blocked
-from nav_bundle.nodes.navigation_state import _STATES, diagnostic_from_report, message_from_report
+from nav_bundle.base.pose import Pose
+from nav_bundle.costmap.config import costmap_config_from_parameters
+from nav_bundle.costmap.costmap import Costmap
+from nav_bundle.costmap.layer import Observation
+from nav_bundle.move_base.navigator import Report
+from nav_bundle.move_base.reason import (
+    NO_SENSOR_DATA,
+    Code,
+    Condition,
+    Reason,
+    failure,
+    way_blocked,
+)
+from nav_bundle.move_base.state_machine import Trigger
+from nav_bundle.move_base.state_topics import _STATES, diagnostic_from_report, message_from_report
+from nav_bundle.planning.followed_plan import FollowedPlan
+from nav_bundle.planning.plan_choice import PlanChoice
 
 ROOM = ["####################", *["#..................#"] * 14, "####################"]
 GOAL = Pose(1.6, 0.8)

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from nav_bundle.core.costmap.config import costmap_config_from_parameters
-from nav_bundle.core.costmap.cost import LETHAL
-from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.costmap.layer import Observation
-from nav_bundle.core.pose import Pose
-from nav_bundle.core.recovery import (
+from nav_bundle.base.pose import Pose
+from nav_bundle.costmap.config import costmap_config_from_parameters
+from nav_bundle.costmap.cost import LETHAL
+from nav_bundle.costmap.costmap import Costmap
+from nav_bundle.costmap.layer import Observation
+from nav_bundle.move_base.recovery import (
     BackUp,
     ClearConfig,
     ClearCostmapRecovery,

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 from nav_msgs.msg import Odometry
 
-from nav_bundle.nodes import sensor
+from nav_bundle.costmap import topics as sensor
 
 
 @pytest.fixture

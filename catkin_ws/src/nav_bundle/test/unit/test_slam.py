@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from drawn_room import ROOM, enlarged, ranges_at
 
-from nav_bundle.core.gmapping_config import GmappingConfig
-from nav_bundle.core.grid import FREE, OCCUPIED, UNKNOWN, Grid
-from nav_bundle.core.map_quality import agreement
-from nav_bundle.core.pose import Pose, angle_difference
-from nav_bundle.core.sensor import Scan
-from nav_bundle.core.slam import Slam
+from nav_bundle.base.pose import Pose, angle_difference
+from nav_bundle.base.scan import Scan
+from nav_bundle.mapping.config import GmappingConfig
+from nav_bundle.mapping.slam import Slam
+from nav_bundle.maps.grid import FREE, OCCUPIED, UNKNOWN, Grid
+from nav_bundle.maps.map_quality import agreement
 from pioneer_node.core.parameter import ParameterError
 
 CORRIDORS = [

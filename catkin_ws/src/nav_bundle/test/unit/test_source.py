@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import LaserScan
 
-from nav_bundle.conversions import points_from_scan
-from nav_bundle.core.costmap.config import SourceConfig
-from nav_bundle.core.costmap.layer import Observation
-from nav_bundle.core.costmap.source import Arrival, Source
-from nav_bundle.core.error import ObservationError
-from nav_bundle.core.transform import DisconnectedError, ExtrapolationError
+from nav_bundle.base.error import ObservationError
+from nav_bundle.base.transform import DisconnectedError, ExtrapolationError
+from nav_bundle.costmap.config import SourceConfig
+from nav_bundle.costmap.conversions import points_from_scan
+from nav_bundle.costmap.layer import Observation
+from nav_bundle.costmap.source import Arrival, Source
 
 RATE, TOLERANCE, PERIOD, SCAN_PERIOD, STEP = 0.4, 0.5, 0.2, 0.1, 0.05
 CONFIG = SourceConfig("base_scan", expected_update_rate=RATE)

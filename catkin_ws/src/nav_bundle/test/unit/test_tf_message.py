@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tf2_msgs.msg import TFMessage
 
-from nav_bundle.adapters.tf_message import StampedTransform, TransformPicker, transforms_of
-from nav_bundle.core.transform import Transform, fault_of
+from nav_bundle.base.tf_message import StampedTransform, TransformPicker, transforms_of
+from nav_bundle.base.transform import Transform, fault_of
 from pioneer_node.core.frame import stripped
 
 

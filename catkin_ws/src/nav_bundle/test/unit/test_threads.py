@@ -10,7 +10,7 @@ from nav_bundle import _alignment
 
 def test_a_product_of_matrices_runs_in_one_thread() -> None:
     program = (
-        "import nav_bundle.core.localisation, numpy, os;"
+        "import nav_bundle.localisation.localisation, numpy, os;"
         "numpy.ones((300, 300)) @ numpy.ones((300, 300));"
         "print(len(os.listdir('/proc/self/task')))"
     )

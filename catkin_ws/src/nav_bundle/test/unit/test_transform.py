@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nav_bundle.core.pose import Pose
-from nav_bundle.core.transform import (
+from nav_bundle.base.pose import Pose
+from nav_bundle.base.transform import (
     DisconnectedError,
     ExtrapolationError,
     Transform,

@@ -7,14 +7,14 @@ from collections.abc import Callable
 import pytest
 import rospy
 
-from nav_bundle.core.transform import (
+from nav_bundle.base.topics import TransformListener
+from nav_bundle.base.transform import (
     DisconnectedError,
     ExtrapolationError,
     FrameNameError,
     Transform,
     TransformError,
 )
-from nav_bundle.nodes.transform import TransformListener
 
 FOUND = Transform((1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 PATIENCE = 0.4

@@ -5,7 +5,7 @@ from typing import Any
 
 import yaml
 
-from nav_bundle.core.move_base_config import Setup, setup_from_parameters
+from nav_bundle.move_base.config import Setup, setup_from_parameters
 
 CONFIG = Path(__file__).parents[2] / "config"
 

@@ -9,28 +9,29 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core.amcl_config import AmclConfig
-from nav_bundle.core.costmap.config import (
+from nav_bundle.base.pose import Pose
+from nav_bundle.base.scan import Scan
+from nav_bundle.base.velocity import Velocity
+from nav_bundle.control.dwa_config import DwaConfig
+from nav_bundle.control.dwa_planner import DwaPlanner
+from nav_bundle.control.local_planner import LocalPlanner, Situation
+from nav_bundle.control.trajectory_config import TrajectoryConfig
+from nav_bundle.control.trajectory_planner import TrajectoryPlanner
+from nav_bundle.costmap.config import (
     CostmapConfig,
     InflationConfig,
     ObstacleConfig,
     SourceConfig,
     StaticConfig,
 )
-from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.costmap.layer import Observation
-from nav_bundle.core.dwa_config import DwaConfig
-from nav_bundle.core.dwa_planner import DwaPlanner
-from nav_bundle.core.global_planner import GlobalPlanner, GlobalPlannerConfig
-from nav_bundle.core.grid import OCCUPIED, Grid
-from nav_bundle.core.local_planner import LocalPlanner, Situation, Velocity
-from nav_bundle.core.localisation import Localisation
-from nav_bundle.core.navfn import NavfnConfig, NavfnPlanner
-from nav_bundle.core.planner import Path, path_between
-from nav_bundle.core.pose import Pose
-from nav_bundle.core.sensor import Scan
-from nav_bundle.core.trajectory_config import TrajectoryConfig
-from nav_bundle.core.trajectory_planner import TrajectoryPlanner
+from nav_bundle.costmap.costmap import Costmap
+from nav_bundle.costmap.layer import Observation
+from nav_bundle.localisation.config import AmclConfig
+from nav_bundle.localisation.localisation import Localisation
+from nav_bundle.maps.grid import OCCUPIED, Grid
+from nav_bundle.planning.global_planner import GlobalPlanner, GlobalPlannerConfig
+from nav_bundle.planning.navfn import NavfnConfig, NavfnPlanner
+from nav_bundle.planning.planner import Path, path_between
 from pioneer_bench.core.row import Row, table
 
 RESOLUTION = 0.05

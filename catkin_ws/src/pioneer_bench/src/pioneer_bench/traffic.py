@@ -10,7 +10,7 @@ from pathlib import Path
 
 import rospkg
 
-from nav_bundle.adapters.map_file import read_map
+from nav_bundle.maps.map_file import read_map
 from pioneer_bench.core.row import Row
 from pioneer_bench.core.traffic import NARROW, narrow_space, random_tours, seconds_alone
 from pioneer_bench.report import finish

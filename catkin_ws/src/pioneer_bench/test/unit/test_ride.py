@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from nav_bundle.core.pose import Pose
+from nav_bundle.base.pose import Pose
 from pioneer_bench.core import blocked, course
 from pioneer_bench.core.course import Course
 from pioneer_bench.core.ride import Body, Ride, ride, with_changes

@@ -12,12 +12,13 @@ from geometry_msgs.msg import PoseStamped
 from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseGoal
 from nav_msgs.msg import OccupancyGrid
 
-from nav_bundle.adapters.transform_store import FUTURE_LIMIT
-from nav_bundle.conversions import GridMessage, grid_from_message, stamped_from_pose
-from nav_bundle.core.error import NavigationError
-from nav_bundle.core.pose import Pose
-from nav_bundle.core.transform import TransformError
-from nav_bundle.nodes.transform import TransformListener, robot_frame
+from nav_bundle.base.conversions import stamped_from_pose
+from nav_bundle.base.error import NavigationError
+from nav_bundle.base.pose import Pose
+from nav_bundle.base.topics import TransformListener, robot_frame
+from nav_bundle.base.transform import TransformError
+from nav_bundle.base.transform_store import FUTURE_LIMIT
+from nav_bundle.maps.conversions import GridMessage, grid_from_message
 from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
 from pioneer_node.nodes.rospy_handle import RospyHandle

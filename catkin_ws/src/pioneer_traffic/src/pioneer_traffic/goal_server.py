@@ -8,11 +8,11 @@ from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import PoseStamped
 from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseFeedback, MoveBaseGoal, MoveBaseResult
 
-from nav_bundle.adapters.transform_store import FUTURE_LIMIT
-from nav_bundle.conversions import pose_from_message, stamped_from_pose
-from nav_bundle.core.error import NavigationError
-from nav_bundle.nodes.move_base_action import ActionServer, check_goal
-from nav_bundle.nodes.transform import TransformListener
+from nav_bundle.base.conversions import pose_from_message, stamped_from_pose
+from nav_bundle.base.error import NavigationError
+from nav_bundle.base.topics import TransformListener
+from nav_bundle.base.transform_store import FUTURE_LIMIT
+from nav_bundle.move_base.action_server import ActionServer, check_goal
 from pioneer_node.core.frame import stripped
 from pioneer_node.nodes.rospy_handle import RospyHandle
 from simple_navigation_goals.queue import Outcome

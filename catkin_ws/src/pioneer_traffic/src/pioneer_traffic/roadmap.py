@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from nav_bundle.core.grid import FREE, Grid
+from nav_bundle.maps.grid import FREE, Grid
 from pioneer_traffic.geometry import Point, distance_between_segments, distance_to_segment
 
 _STEP = 0.05

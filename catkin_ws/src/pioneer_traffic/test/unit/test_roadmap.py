@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from nav_bundle.core.grid import Grid
-from nav_bundle.core.pose import Pose
+from nav_bundle.base.pose import Pose
+from nav_bundle.maps.grid import Grid
 from pioneer_traffic.coordinator import Coordinator
 from pioneer_traffic.geometry import distance_between_segments, distance_to_segment
 from pioneer_traffic.roadmap import FreeSpace, Roadmap, RoadmapConfig, roadmap_from_space

@@ -1,9 +1,9 @@
 """Drives a robot along waypoints in its own frame, relative to its pose when it starts towards each."""
 
-from nav_bundle.adapters.tf_message import RawTFMessage
-from nav_bundle.adapters.transform_store import TransformStore
-from nav_bundle.core.pose import Pose
-from nav_bundle.core.transform import TransformError
+from nav_bundle.base.pose import Pose
+from nav_bundle.base.tf_message import RawTFMessage
+from nav_bundle.base.transform import TransformError
+from nav_bundle.base.transform_store import TransformStore
 from pioneer_node.adapters.node_handle import NodeHandle, Subscriber
 from pioneer_node.core.frame import prefixed
 from pioneer_node.nodes.node_host import run

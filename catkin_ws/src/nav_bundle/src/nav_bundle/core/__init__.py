@@ -1,1 +1,1 @@
-"""Navigation algorithms without ROS: poses, grids, transforms, particle filter, planners."""
+"""Former places of the modules that a planner of one's own imports; each warns. They go with the next release."""

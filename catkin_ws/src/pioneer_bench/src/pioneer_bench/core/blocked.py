@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from nav_bundle.core.pose import Pose
+from nav_bundle.base.pose import Pose
 from pioneer_bench.core.course import Change, Course, box, room, wall
 from pioneer_gazebo.world.section import EMPTY, Section
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nav_bundle.core.grid import FREE, OCCUPIED, Grid
-from nav_bundle.core.pose import Pose
+from nav_bundle.base.pose import Pose
+from nav_bundle.maps.grid import FREE, OCCUPIED, Grid
 from pioneer_gazebo.commands.raster import Extent, occupied_cells
 from pioneer_gazebo.world.section import EMPTY, Section
 

@@ -1,6 +1,6 @@
 """Drives a robot over a course with this workspace's navigation, without ROS, many times faster than real time.
 
-Navigation is ``nav_bundle.core.navigator`` on its costmaps, with move_base's parameters; the laser is the
+Navigation is ``nav_bundle.move_base.navigator`` on its costmaps, with move_base's parameters; the laser is the
 simulator's. The body is kinematic, with the simulator's drive: on contact it stops, while the wheels keep turning.
 """
 
@@ -12,16 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nav_bundle.core.costmap.config import ObstacleConfig
-from nav_bundle.core.costmap.costmap import Costmap
-from nav_bundle.core.costmap.layer import Observation
-from nav_bundle.core.local_planner import STANDSTILL, Velocity
-from nav_bundle.core.move_base import Outcome
-from nav_bundle.core.move_base_config import setup_from_parameters
-from nav_bundle.core.navigator import Cycle, Navigator, Sight
-from nav_bundle.core.pose import Pose
-from nav_bundle.core.pushing import Picture
-from nav_bundle.core.sensor import points_from_ranges
+from nav_bundle.base.pose import Pose
+from nav_bundle.base.scan import Picture, points_from_ranges
+from nav_bundle.base.velocity import STANDSTILL, Velocity
+from nav_bundle.costmap.config import ObstacleConfig
+from nav_bundle.costmap.costmap import Costmap
+from nav_bundle.costmap.layer import Observation
+from nav_bundle.move_base.config import setup_from_parameters
+from nav_bundle.move_base.navigator import Cycle, Navigator, Sight
+from nav_bundle.move_base.state_machine import Outcome
 from pioneer_bench.core.course import Course
 from pioneer_gazebo.laser.laser import WallIndex
 from pioneer_gazebo.laser.laser_kernel import Fan, Sensor

@@ -17,10 +17,10 @@ import numpy as np
 import rospkg
 import rospy
 
-from nav_bundle.adapters.map_file import read_map
-from nav_bundle.conversions import GridMessage, grid_from_message
-from nav_bundle.core import map_quality
-from nav_bundle.core import pose as navigation
+from nav_bundle.base import pose as navigation
+from nav_bundle.maps import map_quality
+from nav_bundle.maps.conversions import GridMessage, grid_from_message
+from nav_bundle.maps.map_file import read_map
 from pioneer_bench.core.tour import CONDITIONS, Condition, Tour
 from pioneer_demo.observer.fleet import Fleet, stuck_report, time_limit
 from pioneer_demo.observer.node import ObserverNode

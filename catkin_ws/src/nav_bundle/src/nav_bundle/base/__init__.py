@@ -1,0 +1,1 @@
+"""What every room uses: poses, transforms, scans, velocities, conversions of messages, errors."""

@@ -1,0 +1,1 @@
+"""Local planners: trajectory rollout and the dynamic window approach."""

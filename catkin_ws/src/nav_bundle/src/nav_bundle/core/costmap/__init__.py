@@ -1,1 +1,0 @@
-"""Layered costmaps with costmap_2d's costs: static map, obstacles seen by sensors, inflation."""

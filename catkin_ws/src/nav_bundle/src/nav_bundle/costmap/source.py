@@ -1,0 +1,142 @@
+"""An observation source: which of its messages are used, and whether it is current.
+
+A source is judged by the messages that reach the costmap. Messages that arrive and cannot be placed, that do not
+parse, or that hold no measurement leave the robot as blind as silence does.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Generic, NamedTuple, TypeVar
+
+from nav_bundle.base.error import ObservationError
+from nav_bundle.base.transform import ExtrapolationError, TransformError
+from nav_bundle.costmap.config import SourceConfig
+from nav_bundle.costmap.layer import Observation, ObservationBuffer
+
+Message = TypeVar("Message")
+
+_EQUAL = 1.0e-6
+"""Times that differ by less are equal [s]."""
+
+
+class Arrival(NamedTuple, Generic[Message]):
+    """A message and its arrival; times are ROS times [s]."""
+
+    number: int  #: counts the messages of a topic
+    received: float  #: time of arrival
+    stamp: float  #: stamp of the header; 0: valid at the newest transform, as in tf2
+    message: Message
+
+
+class _Used(NamedTuple):
+    """The newest message that is in the costmap."""
+
+    number: int
+    received: float
+    stamp: float
+
+
+class Source(Generic[Message]):
+    """The observations of one source, and the judgement of whether it is current.
+
+    Not thread-safe.
+
+    Args:
+        config: parameters of the source.
+    """
+
+    def __init__(self, config: SourceConfig) -> None:
+        self.config = config
+        self.buffer = ObservationBuffer(
+            config.observation_persistence
+        )  #: observations in the costmap's frame
+        self.refusal = ""  #: why the newest message that was refused at the last update cannot be used; else empty
+        self._used: _Used | None = None
+        self._waits_for = ""
+        self._updated = float("-inf")
+
+    def update(
+        self,
+        arrivals: Iterable[Arrival[Message]],
+        place: Callable[[Arrival[Message]], Observation],
+        now: float,
+    ) -> None:
+        """Takes what can be used of the messages that came since the last update.
+
+        Args:
+            arrivals: the messages, newest first; each is looked at only if the newer ones did not suffice.
+            place: returns the observation of a message; raises TransformError or ObservationError.
+            now: ROS time [s].
+        """
+        self._updated = now
+        self.refusal = self._waits_for = ""
+        last = -1 if self._used is None else self._used.number
+        placed = []
+        for arrival in arrivals:
+            if arrival.number <= last:
+                break
+            observation = self._placed(arrival, place)
+            if observation is None:
+                continue
+            placed.append((arrival, observation))
+            if self.buffer.persistence <= 0.0:
+                break
+        for arrival, observation in reversed(placed):
+            self.buffer.add(arrival.stamp or now, observation)
+            self._used = _Used(arrival.number, arrival.received, arrival.stamp)
+
+    def _placed(
+        self, arrival: Arrival[Message], place: Callable[[Arrival[Message]], Observation]
+    ) -> Observation | None:
+        """Returns the observation of a message; notes the reason and returns None if it cannot be used."""
+        try:
+            return place(arrival)
+        except (TransformError, ObservationError) as error:
+            if isinstance(error, ExtrapolationError) and error.future:
+                self._waits_for = self._waits_for or str(error)
+            else:
+                self.refusal = self.refusal or str(error)
+        return None
+
+    def fault(
+        self, received: float | None, now: float, update_period: float, tolerance: float
+    ) -> str:
+        """Returns why the source is not current at ``now`` [s]; empty if it is, or is not checked.
+
+        Args:
+            received: time of the last arrival [s]; None before the first.
+            now: ROS time [s].
+            update_period: time between two updates of the costmap [s].
+            tolerance: how much older than ``expected_update_rate`` a stamp may be [s], for clocks that differ.
+        """
+        rate = self.config.expected_update_rate
+        topic = self.config.topic
+        if rate <= 0.0:
+            return ""
+        if received is None:
+            return f"no scans on {topic} yet"
+        if now - received > rate:
+            return self._outdated(now - received)
+        if now - self._updated > rate + update_period:
+            return self._outdated(now - self._updated) + " The costmap cannot be updated."
+        reason = self.refusal or self._waits_for or "its messages do not parse"
+        if self._used is None:
+            return f"no message on {topic} can be used: {reason}"
+        if self._updated - self._used.received > rate - _EQUAL:
+            return f"{self._outdated(now - self._used.received)} Newer messages cannot be used: {reason}"
+        age = self._updated - self._used.stamp
+        if self._used.stamp > 0.0 and age > rate + tolerance:
+            return f"The messages on {topic} are stamped {age:.2f} s in the past, more than {rate + tolerance:.2f} s."
+        return ""
+
+    def _outdated(self, age: float) -> str:
+        return (
+            f"The {self.config.topic} observation buffer has not been updated for {age:.2f} seconds, "
+            f"and it should be updated every {self.config.expected_update_rate:.2f} seconds."
+        )
+
+    def forget(self) -> None:
+        """Drops all observations after the clock jumped back."""
+        self.buffer.forget()
+        self.refusal = self._waits_for = ""
+        self._used = None
+        self._updated = float("-inf")

@@ -1,0 +1,1 @@
+"""amcl: adaptive Monte Carlo localisation in a known map."""

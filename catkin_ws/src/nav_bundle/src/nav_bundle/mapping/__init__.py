@@ -1,0 +1,1 @@
+"""slam_gmapping: a grid map from scans and odometry, with a particle filter."""

@@ -1,1 +1,0 @@
-"""The navigation nodes and their shared rospy code."""

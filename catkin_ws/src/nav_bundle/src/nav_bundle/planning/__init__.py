@@ -1,0 +1,1 @@
+"""Global planners (navfn, GlobalPlanner), and which plan the robot follows."""
