@@ -101,7 +101,7 @@ def _placed(simulation: Simulation, robot: Robot, pose: Pose) -> Entity:
 
 
 def _drive(simulation: Simulation, entity: Entity, leg: Leg) -> None:
-    entity.drives[0].command(simulation.tick, leg.speed, leg.turn)
+    entity.drives[0].command(simulation.moment, leg.speed, leg.turn)
     _run(simulation, leg.seconds)
 
 
@@ -156,7 +156,7 @@ def wall_rows(make: MakeSimulation, robot: Robot) -> Iterator[Row]:
         simulation = make([standing("wall", Pose((2.0, 0.0, 0.5)), Box((0.1, 20.0, 1.0)))])
         entity = _placed(simulation, robot, Pose.from_rpy(yaw=yaw))
         height = simulation.pose(entity).position[2]
-        entity.drives[0].command(simulation.tick, math.copysign(FULL_SPEED, math.cos(yaw)), 0.0)
+        entity.drives[0].command(simulation.moment, math.copysign(FULL_SPEED, math.cos(yaw)), 0.0)
         depths, rises, ways = [0.0], [0.0], [0.0]
         for _ in range(300):
             _run(simulation, simulation.physics.step)

@@ -176,7 +176,7 @@ def _shapes(simulation: Simulation, entity: Entity) -> list[tuple[Shape, Pose]]:
 def _factor(simulation: Simulation, entities: list[Entity]) -> float:
     """Returns simulated seconds per CPU-second while all robots drive and scan."""
     for number, entity in enumerate(entities):
-        entity.drives[0].command(simulation.tick, 0.3, 0.4 if number % 2 else -0.4)
+        entity.drives[0].command(simulation.moment, 0.3, 0.4 if number % 2 else -0.4)
     began = time.process_time()
     for _ in range(SECONDS * SCANS):
         simulation.advance(simulation.tick + TICK_RATE // SCANS)

@@ -10,6 +10,7 @@ from pioneer_gazebo.lockstep.gate import LockstepGate
 from pioneer_gazebo.ros import messages
 from pioneer_gazebo.ros.mailbox import Mailbox
 from pioneer_gazebo.ros.topic import Topic
+from pioneer_gazebo.simulation.command import Moment
 from pioneer_gazebo.simulation.schedule import TICK_RATE, Schedule, nanoseconds
 from pioneer_gazebo.simulation.simulation import Simulation
 from pioneer_node.nodes.standing_warning import StandingWarning
@@ -145,8 +146,15 @@ class Timeline:
             "/clock", clock_rate, self._publish_clock, lambda: self._clock.wanted, False
         )
 
-    def present(self) -> int:
-        """Returns the current tick, or the target of the current step if the simulation lags. Thread-safe."""
+    def present(self) -> Moment:
+        """Returns the current time, or the target of the current step if the simulation lags. Thread-safe.
+
+        The epoch is read first: if time restarts meanwhile, the tick may be of either time, but the epoch is past.
+        """
+        epoch = self.simulation.epoch
+        return Moment(epoch, self._present_tick())
+
+    def _present_tick(self) -> int:
         if self._gate is not None:
             return self.tick
         reached = self.pacer.reached() * TICK_RATE
@@ -156,7 +164,7 @@ class Timeline:
         """Does the work in the mailbox, on the world's current state."""
         if self.mailbox.pending:
             if not self.paused and self._gate is None:
-                self.tick = max(self.tick, min(self.present(), self._target - 1))
+                self.tick = max(self.tick, min(self._present_tick(), self._target - 1))
             self.simulation.advance(self.tick)
             self.mailbox.serve()
 
@@ -215,8 +223,9 @@ class Timeline:
         self.tick = end
 
     def restart(self) -> None:
-        """Resets time to 0."""
+        """Resets time to 0, and the simulation with it."""
         self.tick = self._target = 0
         self.pacer.restart()
         if self._gate is not None:
             self._gate.restart()
+        self.simulation.reset()

@@ -100,12 +100,12 @@ def test_a_planar_move_goes_sideways_and_stops(simulate: MakeSimulation) -> None
     plugin = '<gazebo><plugin name="p" filename="libgazebo_ros_planar_move.so"/></gazebo>'
     entity = spawned(simulation, rover(plugin))
     [mover] = entity.movers
-    mover.command(simulation.tick, 0.0, 0.3, 0.0)
+    mover.command(simulation.moment, 0.0, 0.3, 0.0)
     run(simulation, 2.0)
     x, y, z = simulation.pose(entity).position
     assert (x, y) == pytest.approx((0.0, 0.6), abs=0.02)
     assert z == pytest.approx(0.1, abs=0.005)
-    mover.command(simulation.tick, 0.0, 0.0, 0.0)
+    mover.command(simulation.moment, 0.0, 0.0, 0.0)
     run(simulation, 5.0)
     assert math.dist(simulation.pose(entity).position, (x, y, z)) < 0.01
 
@@ -125,7 +125,7 @@ def test_an_imu_feels_gravity_rates_and_acceleration(simulate: MakeSimulation) -
     _, rates, felt = unit.measure()
     assert rates == pytest.approx((0.0, 0.0, 0.0), abs=0.02)
     assert felt == pytest.approx((0.0, 0.0, 9.81), abs=0.05)
-    entity.movers[0].command(simulation.tick, 0.5, 0.0, 0.8)
+    entity.movers[0].command(simulation.moment, 0.5, 0.0, 0.8)
     run(simulation, 0.5)
     _, rates, felt = unit.measure()
     assert rates[2] == pytest.approx(0.8, abs=0.05)
@@ -307,7 +307,7 @@ def test_a_controlled_robot_drives_within_its_limits_and_stops_without_commands(
     simulation = simulate()
     entity = spawned(simulation, driven(parameters()))
     for _ in range(8):
-        entity.drives[0].command(simulation.tick, 3.0, 0.0)
+        entity.drives[0].command(simulation.moment, 3.0, 0.0)
         run(simulation, 0.5)
         assert simulation.odometry(entity.drives[0]).speed < 0.62
     x, y, _ = simulation.pose(entity).position
@@ -317,7 +317,7 @@ def test_a_controlled_robot_drives_within_its_limits_and_stops_without_commands(
     assert simulation.odometry(entity.drives[0]).speed == pytest.approx(0.6, abs=0.02)
     run(simulation, 3.0)
     assert simulation.odometry(entity.drives[0]).speed == pytest.approx(0.0, abs=1e-3)
-    entity.drives[0].command(simulation.tick, 0.0, -2.0)
+    entity.drives[0].command(simulation.moment, 0.0, -2.0)
     run(simulation, 0.8)
     assert simulation.odometry(entity.drives[0]).turn == pytest.approx(-0.5, abs=0.05)
 

@@ -12,6 +12,7 @@ from pioneer_gazebo.body.body import body_from_robot, lowest_points
 from pioneer_gazebo.error import BoundError, ModelError
 from pioneer_gazebo.physics.engine import Engine, EngineError, Physics, Velocity
 from pioneer_gazebo.simulation.actor import Wrench
+from pioneer_gazebo.simulation.command import Moment
 from pioneer_gazebo.simulation.drive import CommandError
 from pioneer_gazebo.simulation.schedule import TICK_RATE, RateError
 from pioneer_gazebo.simulation.simulation import Simulation
@@ -185,22 +186,22 @@ def test_a_command_acts_from_the_first_step_that_begins_after_it_however_late_th
     simulation: Simulation, robot: Robot
 ) -> None:
     driven = simulation.add_robot("r", "r", robot, Pose()).drives[0]
-    driven.command(0, 1.0, 0.0)
-    driven.command(13, 0.0, 0.0)
+    driven.command(Moment(0, 0), 1.0, 0.0)
+    driven.command(Moment(0, 13), 0.0, 0.0)
     simulation.advance(24)
     moving = simulation.odometry(driven).speed
     assert moving > 0.1
     simulation.advance(36)
     assert 0.0 < simulation.odometry(driven).speed < moving
     with pytest.raises(CommandError):
-        driven.command(40, math.nan, 0.0)
+        driven.command(Moment(0, 40), math.nan, 0.0)
 
 
 def test_a_reset_forgets_commands_that_were_not_obeyed_yet(
     simulation: Simulation, robot: Robot
 ) -> None:
     driven = simulation.add_robot("r", "r", robot, Pose()).drives[0]
-    driven.command(600, 1.0, 0.0)
+    driven.command(Moment(0, 600), 1.0, 0.0)
     simulation.reset()
     simulation.advance(1200)
     assert simulation.odometry(driven).x == 0.0
@@ -210,7 +211,7 @@ def test_between_two_steps_poses_lie_between_their_states(
     simulation: Simulation, robot: Robot
 ) -> None:
     entity = simulation.add_robot("r", "r", robot, Pose())
-    entity.drives[0].command(0, 1.0, 0.0)
+    entity.drives[0].command(Moment(0, 0), 1.0, 0.0)
     at = {}
     for tick in (600, 606, 612):
         simulation.advance(tick)
@@ -242,7 +243,7 @@ def test_numbers_that_no_engine_can_simulate_are_refused(
             with pytest.raises(BoundError, match="m, link"):
                 simulation.add_model(Model("m", static=static, links=(link,)))
     with pytest.raises(CommandError, match="at most 100 m/s"):
-        entity.drives[0].command(0, 1e6, 0.0)
+        entity.drives[0].command(Moment(0, 0), 1e6, 0.0)
     assert simulation.names() == ["r"]
 
 

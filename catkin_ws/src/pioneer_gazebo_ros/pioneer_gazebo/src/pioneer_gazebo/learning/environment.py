@@ -220,7 +220,7 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
                     (speed + turn) / 2.0,
                     (turn - speed) / drive.drive.config.wheelSeparation,
                 )
-            drive.command(self._simulation.tick, speed, turn)
+            drive.command(self._simulation.moment, speed, turn)
         self._simulation.advance(self._simulation.tick + self._ticks)
         self._count += 1
         touched = {entity.name for entity in self._simulation.collided()}
@@ -236,7 +236,7 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
             agent: {"state": state} for agent, state in states.items()
         }
         for agent in [agent for agent in self.agents if ended[agent]]:
-            self._entities[agent].drives[0].command(self._simulation.tick, 0.0, 0.0)
+            self._entities[agent].drives[0].command(self._simulation.moment, 0.0, 0.0)
         self.agents = [agent for agent in self.agents if not (ended[agent] or late[agent])]
         return observations, rewards, ended, late, infos
 

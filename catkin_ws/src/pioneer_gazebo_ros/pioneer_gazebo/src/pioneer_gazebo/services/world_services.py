@@ -117,7 +117,6 @@ class WorldServices:
         self._timeline.publish_now()
 
     def _reset_simulation(self, _: EmptyRequest) -> None:
-        self._simulation.reset()
         self._timeline.restart()
         self._robots.reset()
         self._timeline.publish_now()

@@ -1,12 +1,12 @@
 """A moving entity of the simulated world: a robot or a dynamic model."""
 
 import math
-from collections import deque
 from dataclasses import dataclass, field, replace
 
 from pioneer_gazebo.body.body import Body
 from pioneer_gazebo.laser.laser import Laser, generator_for, laser_of_sonar
 from pioneer_gazebo.physics.engine import STILL, Engine, Velocity
+from pioneer_gazebo.simulation.command import CommandQueue, Moment
 from pioneer_gazebo.simulation.drive import Drive, Odometry, check_motion
 from pioneer_gazebo.world.model import Script
 from pioneer_gazebo.world.pose import IDENTITY, Pose, Quaternion, heading
@@ -31,9 +31,6 @@ class CollisionCounter:
         return new
 
 
-COMMANDS_KEPT = 100
-
-
 @dataclass(slots=True)
 class Driven:
     """A drive and the wheels it turns."""
@@ -43,13 +40,11 @@ class Driven:
     torque: float  #: maximum torque per wheel [N m]
     handle: int  #: of the body in the engine
     before: Odometry = field(default_factory=Odometry)  #: odometry before the last step
-    #: pending commands: tick, speed [m/s], turn [rad/s]. The newest one counts, so only a few are kept.
-    commands: deque[tuple[int, float, float]] = field(
-        default_factory=lambda: deque(maxlen=COMMANDS_KEPT)
-    )
+    #: pending commands: speed [m/s], turn [rad/s]
+    commands: CommandQueue[tuple[float, float]] = field(default_factory=CommandQueue)
 
-    def command(self, tick: int, speed: float, turn: float) -> None:
-        """Queues a motion [m/s, rad/s] received at ``tick``; it applies to the first step that begins then or later.
+    def command(self, moment: Moment, speed: float, turn: float) -> None:
+        """Queues a motion [m/s, rad/s] that arrived at ``moment``, for the first step that begins then or later.
 
         Thread-safe.
 
@@ -57,12 +52,12 @@ class Driven:
             CommandError: a value is not finite or too large; the previous command remains in force.
         """
         check_motion(speed, turn)
-        self.commands.append((tick, speed, turn))
+        self.commands.put(moment, (speed, turn))
 
-    def obey(self, tick: int) -> None:
-        """Passes the commands received by ``tick`` to the drive."""
-        while self.commands and self.commands[0][0] <= tick:
-            self.drive.command(*self.commands.popleft()[1:])
+    def obey(self, now: Moment) -> None:
+        """Passes the commands that arrived by ``now`` to the drive."""
+        for speed, turn in self.commands.take(now):
+            self.drive.command(speed, turn)
 
     def turn(self, engine: Engine, speeds: tuple[float, float]) -> None:
         """Sets the speeds of the left and the right wheels [rad/s]."""
@@ -101,27 +96,25 @@ class Mover:
     """Moves a base in the plane, in any direction."""
 
     config: PlanarMove  #: topics and frames
-    #: pending commands: tick, velocity ahead and to the left [m/s], turn rate [rad/s]
-    commands: deque[tuple[int, float, float, float]] = field(
-        default_factory=lambda: deque(maxlen=COMMANDS_KEPT)
-    )
+    #: pending commands: velocity ahead and to the left [m/s], turn rate [rad/s]
+    commands: CommandQueue[tuple[float, float, float]] = field(default_factory=CommandQueue)
     motion: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: the command in force
 
-    def command(self, tick: int, ahead: float, left: float, turn: float) -> None:
-        """Queues a motion received at ``tick``; thread-safe. Raises CommandError."""
+    def command(self, moment: Moment, ahead: float, left: float, turn: float) -> None:
+        """Queues a motion that arrived at ``moment``; thread-safe. Raises CommandError."""
         check_motion(math.hypot(ahead, left), turn)
-        self.commands.append((tick, ahead, left, turn))
+        self.commands.put(moment, (ahead, left, turn))
 
-    def obey(self, tick: int, rotation: Quaternion, fall: float) -> Velocity | None:
-        """Returns the world velocity for the step that begins at ``tick``; None to stand still.
+    def obey(self, now: Moment, rotation: Quaternion, fall: float) -> Velocity | None:
+        """Returns the world velocity for the step that begins ``now``; None to stand still.
 
         Args:
-            tick: the current tick.
+            now: the time at which the step begins.
             rotation: of the base.
             fall: its vertical velocity [m/s], which is kept.
         """
-        while self.commands and self.commands[0][0] <= tick:
-            self.motion = self.commands.popleft()[1:]
+        for motion in self.commands.take(now):
+            self.motion = motion
         if self.motion == (0.0, 0.0, 0.0):
             return None
         ahead, left, turn = self.motion
@@ -245,14 +238,14 @@ def equip(entity: Entity, seed: int, error: float, scale: float) -> None:
     entity.sonars = [mounted(config) for config in robot.sonars]
 
 
-def control(engine: Engine, entity: Entity, tick: int, step: float) -> None:
-    """Applies the commands an entity received by ``tick`` for the next ``step`` [s]."""
+def control(engine: Engine, entity: Entity, now: Moment, step: float) -> None:
+    """Applies the commands that an entity received by ``now`` for the next ``step`` [s]."""
     for driven in entity.drives:
-        driven.obey(tick)
+        driven.obey(now)
     speeds = [driven.drive.wheel_speeds(step) for driven in entity.drives]
     at_rest = all(driven.drive.at_rest for driven in entity.drives)
     if entity.movers:
-        at_rest = _move(engine, entity, tick) and at_rest
+        at_rest = _move(engine, entity, now) and at_rest
     if at_rest != entity.at_rest:
         entity.at_rest = at_rest
         engine.rest(entity.handle, at_rest)
@@ -261,11 +254,11 @@ def control(engine: Engine, entity: Entity, tick: int, step: float) -> None:
             driven.turn(engine, wanted)
 
 
-def _move(engine: Engine, entity: Entity, tick: int) -> bool:
+def _move(engine: Engine, entity: Entity, now: Moment) -> bool:
     """Moves a base in the plane; returns whether it is to stand still."""
     fall = engine.velocity(entity.handle).linear[2]
     rotation = engine.pose(entity.handle).rotation
-    motions = [mover.obey(tick, rotation, fall) for mover in entity.movers]
+    motions = [mover.obey(now, rotation, fall) for mover in entity.movers]
     motion = next((one for one in motions if one is not None), None)
     if motion is not None or not entity.at_rest:
         engine.set_velocity(entity.handle, motion or Velocity((0.0, 0.0, fall)))

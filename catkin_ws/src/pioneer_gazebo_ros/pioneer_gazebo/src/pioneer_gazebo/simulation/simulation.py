@@ -16,6 +16,7 @@ from pioneer_gazebo.laser.laser import generator_for
 from pioneer_gazebo.physics import bound
 from pioneer_gazebo.physics.engine import STILL, Contact, Engine, Physics, Velocity
 from pioneer_gazebo.simulation.actor import Actors, Wrench, Wrenches
+from pioneer_gazebo.simulation.command import Moment
 from pioneer_gazebo.simulation.drive import Odometry
 from pioneer_gazebo.simulation.entity import (
     CollisionCounter,
@@ -71,6 +72,7 @@ class Simulation:
         self._collided: list[Entity] = []
         self._lost: dict[str, Pose] = {}
         self.spawn_search = 0.5  # maximum shift [m] of a robot that would overlap something static
+        self.epoch = 0  #: how often time has restarted
         self.tick = self._stepped = self._inspected = 0
         self._part = 1.0
         self._period = 1
@@ -230,6 +232,11 @@ class Simulation:
 
     # Time.
 
+    @property
+    def moment(self) -> Moment:
+        """The current time, with which the owner's thread stamps commands."""
+        return Moment(self.epoch, self.tick)
+
     def advance(self, tick: int) -> None:
         """Advances to ``tick`` in as many physics steps as necessary."""
         while self._stepped < tick:
@@ -242,9 +249,10 @@ class Simulation:
 
     def _step(self) -> None:
         step = self.physics.step
+        now = Moment(self.epoch, self._stepped)
         self._wrenches.push(self._stepped)
         for entity in self._entities.values():
-            control(self._engine, entity, self._stepped, step)
+            control(self._engine, entity, now, step)
         self._actors.lead(self._stepped + self._period, step)
         self._engine.step()
         self._stepped += self._period
@@ -432,3 +440,5 @@ class Simulation:
                 mounted.laser.reseed(
                     generator_for(self._seed, entity.name, mounted.laser.config.name)
                 )
+        # Last: a thread that reads the new epoch reads the new time, too.
+        self.epoch += 1

@@ -9,6 +9,7 @@ from std_msgs.msg import UInt32
 
 from pioneer_gazebo.ros.topic import Topic, TransformTopic, publish_while_alive
 from pioneer_gazebo.sensors.tiny_renderer import TinyRenderer
+from pioneer_gazebo.simulation.command import Moment
 from pioneer_gazebo.simulation.drive import CommandError
 from pioneer_gazebo.simulation.entity import Entity
 from pioneer_gazebo.simulation.schedule import Schedule, Task, nanoseconds
@@ -25,7 +26,7 @@ class Context:
     simulation: Simulation  #: the simulation
     schedule: Schedule  #: schedule of periodic tasks
     transforms: TransformTopic  #: ``/tf``
-    now: Callable[[], int]  #: returns the tick at which a command arrives; thread-safe
+    now: Callable[[], Moment]  #: returns the time at which a command arrives; thread-safe
     renderer: Callable[[], TinyRenderer]  #: returns the renderer, created on first use
     budget: Budget  #: wall time budget for rendering
 
