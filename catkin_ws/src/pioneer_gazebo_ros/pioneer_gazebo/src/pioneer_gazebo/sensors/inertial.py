@@ -7,7 +7,6 @@ import numpy as np
 from pioneer_gazebo.laser.laser import generator_for
 from pioneer_gazebo.physics.engine import Velocity
 from pioneer_gazebo.simulation.entity import Entity
-from pioneer_gazebo.simulation.schedule import TICK_RATE
 from pioneer_gazebo.simulation.simulation import Simulation
 from pioneer_gazebo.simulation.state import link_motion
 from pioneer_gazebo.world.pose import (
@@ -33,18 +32,13 @@ class InertialUnit:
     def __init__(self, simulation: Simulation, entity: Entity, config: Imu) -> None:
         self._simulation, self._entity, self._config = simulation, entity, config
         self._noise = generator_for(0, entity.name, config.name)
-        self._before: tuple[int, Vector] | None = None
 
     def measure(self) -> tuple[Quaternion, Vector, Vector]:
-        """Returns rotation in the world, rates [rad/s], and the mean acceleration since the last measurement [m/s²]."""
+        """Returns rotation in the world, rates [rad/s], and the acceleration during the physics step [m/s²]."""
         simulation, config = self._simulation, self._config
         pose, velocity = link_motion(simulation, self._entity.name, config.bodyName)
-        felt = opposite(simulation.physics.gravity)
-        if self._before is not None and simulation.tick > self._before[0]:
-            rate = TICK_RATE / (simulation.tick - self._before[0])
-            x, y, z = added(velocity.linear, opposite(self._before[1]))
-            felt = added(felt, (x * rate, y * rate, z * rate))
-        self._before = simulation.tick, velocity.linear
+        acceleration = simulation.acceleration(self._entity, config.bodyName)
+        felt = added(acceleration, opposite(simulation.physics.gravity))
         back = conjugate(pose.rotation)
         rates, felt = rotated(back, velocity.angular), rotated(back, felt)
         if config.gaussianNoise > 0:

@@ -37,12 +37,15 @@ class Odometry:
     turn: float = 0.0  #: [rad/s]
 
     def towards(self, other: "Odometry", part: float) -> "Odometry":
-        """Interpolates the pose towards ``other`` by ``part`` (0 … 1), with the velocity of ``other``."""
+        """Interpolates linearly towards ``other`` by ``part`` (0 … 1)."""
         turned = math.remainder(other.yaw - self.yaw, math.tau)
         return Odometry(
-            self.x + part * (other.x - self.x), self.y + part * (other.y - self.y), self.yaw + part * turned,
-            other.speed, other.turn,
-        )  # fmt: skip
+            x=self.x + part * (other.x - self.x),
+            y=self.y + part * (other.y - self.y),
+            yaw=self.yaw + part * turned,
+            speed=self.speed + part * (other.speed - self.speed),
+            turn=self.turn + part * (other.turn - self.turn),
+        )
 
 
 class Drive:
@@ -138,6 +141,10 @@ class Drive:
         self._speeds = (
             self._target if part == 1.0 else (left + part * left_gap, right + part * right_gap)
         )
+
+    def set_angles(self, left: float, right: float) -> None:
+        """Takes the wheel angles [rad] over without a motion, after joints were set."""
+        self._angles = left, right
 
     def measure(self, left: float, right: float, step: float) -> None:
         """Updates the odometry from the wheel angles [rad], 0 at the start, after a ``step`` [s].

@@ -10,7 +10,19 @@ from pioneer_gazebo.simulation.command import CommandQueue, Moment
 from pioneer_gazebo.simulation.drive import Drive, Odometry, check_motion
 from pioneer_gazebo.world.model import Script
 from pioneer_gazebo.world.pose import IDENTITY, Pose, Quaternion, heading
-from pioneer_gazebo.world.robot import DiffDrive, LaserSensor, PlanarMove, Robot, SonarSensor
+from pioneer_gazebo.world.robot import (
+    BaseDriver,
+    DiffDrive,
+    Gps,
+    GroundTruth,
+    Imu,
+    JointStatePublisher,
+    LaserSensor,
+    LinkSensor,
+    PlanarMove,
+    Robot,
+    SonarSensor,
+)
 
 GAP = 0.5
 """A new episode begins after this simulated time [s] without contact."""
@@ -58,6 +70,11 @@ class Driven:
         """Passes the commands that arrived by ``now`` to the drive."""
         for speed, turn in self.commands.take(now):
             self.drive.command(speed, turn)
+
+    def moved_joint(self, engine: Engine, part: int) -> None:
+        """Takes note that the joint of a part was set to a position, which is no motion of its wheel."""
+        if part in self.parts:
+            self.drive.set_angles(*self.angles(engine))
 
     def turn(self, engine: Engine, speeds: tuple[float, float]) -> None:
         """Sets the speeds of the left and the right wheels [rad/s]."""
@@ -128,6 +145,36 @@ class Mover:
         self.motion = (0.0, 0.0, 0.0)
 
 
+@dataclass(frozen=True, slots=True)
+class Earlier:
+    """What the engine reported about a body before a step."""
+
+    tick: int  #: at which the step began
+    velocity: Velocity  #: of the base frame
+    rates: list[float]  #: of the joint of each part but the base [rad/s or m/s]
+
+
+_NEED_MOTION = (Imu, Gps, GroundTruth, PlanarMove, JointStatePublisher, BaseDriver)
+
+
+def needs_motion(robot: Robot) -> bool:
+    """Returns whether a device of the robot reads more than the pose of the base."""
+    root = robot.root.name
+    return any(
+        isinstance(device, _NEED_MOTION)
+        or (isinstance(device, LinkSensor) and device.link != root)
+        or (
+            isinstance(device, DiffDrive)
+            and (
+                device.publishWheelTF
+                or device.publishWheelJointState
+                or device.odometrySource == "world"
+            )
+        )
+        for device in robot.devices
+    )
+
+
 @dataclass(slots=True, eq=False)
 class Entity:
     """A body in the engine with the simulator's data about it."""
@@ -149,6 +196,9 @@ class Entity:
     )
     after: Pose = IDENTITY  #: pose at tick `seen`
     seen: int = 0  #: tick at which `after` was read
+    earlier: Earlier | None = None  #: velocities before the last step, if a device may need them
+    needs_motion: bool = False  #: whether its devices read velocities, joints or other links
+    needs_acceleration: bool = False  #: whether it has an inertial unit
     collisions: CollisionCounter = field(default_factory=CollisionCounter)
     number: int = 0  #: row in the array of moving entities
     at_rest: bool = False  #: whether the engine may put it to sleep
@@ -232,6 +282,8 @@ def equip(entity: Entity, seed: int, error: float, scale: float) -> None:
         laser = Laser(config, generator_for(seed, entity.name, config.name))
         return Mounted(device, laser, part, at.compose(device.pose))
 
+    entity.needs_motion = needs_motion(robot)
+    entity.needs_acceleration = bool(robot.of(Imu))
     entity.drives = [driven(config) for config in robot.drives]
     entity.movers = [Mover(config) for config in robot.of(PlanarMove)]
     entity.lasers = [mounted(config) for config in robot.lasers]

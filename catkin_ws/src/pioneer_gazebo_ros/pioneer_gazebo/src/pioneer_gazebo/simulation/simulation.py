@@ -1,8 +1,8 @@
 """The running simulation: bodies, drives, lasers and collisions, on top of a physics engine.
 
-Time is counted in ticks (see `schedule`). A physics step takes several ticks. States at a tick between two steps are
-interpolated, so that sensors can have any rate. The engine may therefore be ahead of the current tick by less than a
-step, and commands take effect from the next step on.
+Time is counted in ticks (see `schedule`). A physics step takes several ticks. The state at a tick between two steps is
+interpolated: poses, velocities, joints, odometry. So sensors can have any rate. The engine may therefore be ahead of
+the current tick by less than a step, and commands take effect from the next step on.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,17 +21,25 @@ from pioneer_gazebo.simulation.drive import Odometry
 from pioneer_gazebo.simulation.entity import (
     CollisionCounter,
     Driven,
+    Earlier,
     Entity,
     Mounted,
     control,
     equip,
+)
+from pioneer_gazebo.simulation.motion import (
+    JointState,
+    Motion,
+    chain_to,
+    interpolated,
+    part_motion,
 )
 from pioneer_gazebo.simulation.scene import Scene
 from pioneer_gazebo.simulation.schedule import TICK_RATE, period_of
 from pioneer_gazebo.simulation.spot import added
 from pioneer_gazebo.simulation.standing import Standing
 from pioneer_gazebo.world.model import Model, World
-from pioneer_gazebo.world.pose import Pose, between
+from pioneer_gazebo.world.pose import Pose, Vector, between, rotated
 from pioneer_gazebo.world.robot import Robot
 from pioneer_gazebo.world.section import Triangles
 
@@ -75,7 +83,8 @@ class Simulation:
         self.epoch = 0  #: how often time has restarted
         self.tick = self._stepped = self._inspected = 0
         self._part = 1.0
-        self._period = 1
+        self._period = 1  # of a step [ticks]
+        self._span = 1  # of the last step, which may have had another period [ticks]
         self.physics = physics
         self.configure(physics)
 
@@ -240,12 +249,24 @@ class Simulation:
     def advance(self, tick: int) -> None:
         """Advances to ``tick`` in as many physics steps as necessary."""
         while self._stepped < tick:
-            if tick < self._stepped + self._period:
-                for entity in self._entities.values():
-                    entity.before = self._settled(entity)
+            if tick <= self._stepped + self._period:
+                self._remember(between=tick < self._stepped + self._period)
             self._step()
         self.tick = tick
-        self._part = 1.0 - (self._stepped - tick) / self._period
+        self._part = 1.0 - (self._stepped - tick) / self._span
+
+    def _remember(self, between: bool) -> None:
+        """Keeps what is needed of the state before a step; ``between``: states between it and the next are read."""
+        for entity in self._entities.values():
+            if between or entity.needs_acceleration:
+                entity.before = self._settled(entity)
+            if entity.needs_acceleration or (between and entity.needs_motion):
+                joints = self._engine.joints(entity.handle, range(1, len(entity.body.parts)))
+                entity.earlier = Earlier(
+                    tick=self._stepped,
+                    velocity=self._engine.velocity(entity.handle),
+                    rates=[rate for _, rate in joints],
+                )
 
     def _step(self) -> None:
         step = self.physics.step
@@ -256,6 +277,7 @@ class Simulation:
         self._actors.lead(self._stepped + self._period, step)
         self._engine.step()
         self._stepped += self._period
+        self._span = self._period
         for entity in self._entities.values():
             for driven in entity.drives:
                 driven.before = driven.drive.odometry
@@ -305,31 +327,98 @@ class Simulation:
             KeyError: there is no such link.
         """
         part, at = entity.body.part_of(link)
-        return (self.pose(entity) if part == 0 else self._engine.pose(entity.handle, part)).compose(
-            at
-        )
+        return self.part_pose(entity, part).compose(at)
+
+    def part_pose(self, entity: Entity, part: int) -> Pose:
+        """Returns the pose of a part's frame."""
+        if part == 0:
+            return self.pose(entity)
+        if self._part >= 1.0:
+            return self._engine.pose(entity.handle, part)
+        return self._part_between(entity, part).pose
 
     def part_poses(self, entity: Entity) -> list[Pose]:
         """Returns the pose of each part's frame."""
-        return [
-            self._engine.pose(entity.handle, number) if number else self.pose(entity)
-            for number in range(len(entity.body.parts))
-        ]
+        return [self.part_pose(entity, number) for number in range(len(entity.body.parts))]
 
     def velocity(self, entity: Entity, part: int = 0) -> Velocity:
-        """Returns the velocity of a part's frame after the last step."""
+        """Returns the velocity of a part's frame."""
         if entity.script is not None:
             return entity.motion
-        return self._engine.velocity(entity.handle, part)
+        if self._part >= 1.0:
+            return self._engine.velocity(entity.handle, part)
+        return self._part_between(entity, part).velocity
+
+    def _part_between(self, entity: Entity, part: int) -> Motion:
+        """Returns a part's motion at a tick between two steps."""
+        velocity = self._engine.velocity(entity.handle)
+        earlier = self._earlier(entity)
+        if earlier is not None:
+            velocity = interpolated(earlier.velocity, velocity, self._part)
+        chain = chain_to(entity.body, part)
+        joints = self.joints(entity, chain)
+        return part_motion(entity.body, chain, Motion(self.pose(entity), velocity), joints)
+
+    def _earlier(self, entity: Entity) -> Earlier | None:
+        """Returns the velocities before the last step; None if they are not known, as after a jump."""
+        earlier = entity.earlier
+        if earlier is None or earlier.tick != self._stepped - self._span:
+            return None
+        return earlier
+
+    def acceleration(self, entity: Entity, link: str) -> Vector:
+        """Returns the acceleration of a link's frame in the world [m/s²], constant during a step.
+
+        Known for a robot with an inertial unit; 0 in the step in which it was spawned or moved.
+
+        Raises:
+            KeyError: there is no such link.
+        """
+        part, at = entity.body.part_of(link)
+        earlier = self._earlier(entity)
+        if earlier is None:
+            return (0.0, 0.0, 0.0)
+        chain = chain_to(entity.body, part)
+        now = [JointState(*state) for state in self._engine.joints(entity.handle, chain)]
+        seconds = self._span / TICK_RATE
+        then = [
+            JointState(state.position - seconds * state.rate, earlier.rates[number - 1])
+            for number, state in zip(chain, now, strict=True)
+        ]
+        base = Motion(self._settled(entity), self._engine.velocity(entity.handle))
+        base_then = Motion(entity.before, earlier.velocity)
+        speeds = []
+        for motion in (
+            part_motion(entity.body, chain, base_then, then),
+            part_motion(entity.body, chain, base, now),
+        ):
+            arm = rotated(motion.pose.rotation, at.position)
+            speeds.append(motion.velocity.at(arm).linear)
+        (ax, ay, az), (bx, by, bz) = speeds
+        return (bx - ax) / seconds, (by - ay) / seconds, (bz - az) / seconds
 
     def odometry(self, driven: Driven) -> Odometry:
         """Returns the wheel odometry."""
         now = driven.drive.odometry
         return now if self._part >= 1.0 else driven.before.towards(now, self._part)
 
-    def joints(self, entity: Entity, parts: Sequence[int]) -> list[tuple[float, float]]:
-        """Returns position and speed of the joints that move ``parts``, after the last step."""
-        return self._engine.joints(entity.handle, parts)
+    def joints(self, entity: Entity, parts: Sequence[int]) -> list[JointState]:
+        """Returns the states of the joints that move ``parts``."""
+        states = [JointState(*state) for state in self._engine.joints(entity.handle, parts)]
+        if self._part >= 1.0:
+            return states
+        # A step moves a joint by its speed after the step.
+        left = (1.0 - self._part) * self._span / TICK_RATE
+        positions = [state.position - left * state.rate for state in states]
+        rates = [state.rate for state in states]
+        earlier = self._earlier(entity)
+        if earlier is not None:
+            befores = [earlier.rates[part - 1] for part in parts]
+            rates = [
+                before + self._part * (rate - before)
+                for before, rate in zip(befores, rates, strict=True)
+            ]
+        return [JointState(*state) for state in zip(positions, rates, strict=True)]
 
     def efforts(self, entity: Entity, parts: Sequence[int]) -> list[float]:
         """Returns the efforts applied in the last step by the motors of the joints that move ``parts`` [N m or N]."""
@@ -347,14 +436,8 @@ class Simulation:
 
     def ranges(self, entity: Entity, mounted: Mounted) -> NDArray[np.float64]:
         """Returns a scan's ranges [m]; the array is overwritten by the laser's next scan."""
-        base = (
-            self.pose(entity)
-            if mounted.part == 0
-            else self._engine.pose(entity.handle, mounted.part)
-        )
-        swinging = [
-            (one, self._engine.pose(one.entity.handle, one.part)) for one in self._scene.swinging
-        ]
+        base = self.part_pose(entity, mounted.part)
+        swinging = [(one, self.part_pose(one.entity, one.part)) for one in self._scene.swinging]
         seen = [
             (other.outline, self._settled(other).position[2]) for other in self._entities.values()
         ]
@@ -390,6 +473,7 @@ class Simulation:
         if velocity is not None:
             self._engine.set_velocity(entity.handle, velocity)
         entity.before, entity.after, entity.seen = pose, pose, self._stepped
+        entity.earlier = None
         self._scene.outdate()
 
     def set_joint(self, entity: Entity, joint: str, position: float) -> None:
@@ -399,7 +483,12 @@ class Simulation:
             KeyError: there is no such joint, or it is fixed.
         """
         bound.check("joint position", (position,), bound.FARTHEST, "")
-        self._engine.set_joint(entity.handle, entity.body.joint_index(joint), position)
+        part = entity.body.joint_index(joint)
+        self._engine.set_joint(entity.handle, part, position)
+        entity.earlier = None
+        for driven in entity.drives:
+            driven.moved_joint(self._engine, part)
+        self._scene.outdate()
 
     def push(self, wrench: Wrench) -> None:
         """Applies a wrench for its duration; raises BoundError if it is out of bounds."""
@@ -432,9 +521,11 @@ class Simulation:
         self.tick = self._stepped = self._inspected = 0
         self.reset_poses()
         self._part = 1.0
+        self._span = self._period
         self._collided.clear()
         for entity in self._entities.values():
             entity.seen = 0
+            entity.earlier = None
             entity.collisions = CollisionCounter()
             for mounted in (*entity.lasers, *entity.sonars):
                 mounted.laser.reseed(
