@@ -65,6 +65,9 @@ _BOTH_WANT = 0
 CARRYING = 0.7
 """A contact supports a body if the z component of its normal exceeds this."""
 
+NEAR = 0.05
+"""A sleeping body wakes if something within this distance [m] of it is moved or removed."""
+
 FARTHEST = 1e3
 """Depth below the origin at which support ray casts end [m]."""
 
@@ -90,6 +93,8 @@ class BulletEngine:
 
     def configure(self, physics: Physics) -> None:
         x, y, z = (part * physics.step for part in physics.gravity)
+        if (x, y, z) != self._fall:
+            self._wake_all()
         self._fall = x, y, z
         pybullet.setGravity(*physics.gravity, physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
@@ -117,6 +122,7 @@ class BulletEngine:
             self._remove(made)
             raise
         self._remove(self._ground + self._obstacles)
+        self._wake_all()
         self._ground, self._obstacles = made[:count], made[count:]
         for body in self._ground:
             pybullet.setCollisionFilterGroupMask(
@@ -134,6 +140,7 @@ class BulletEngine:
         return handle
 
     def remove(self, handle: int) -> None:
+        self._wake_neighbours(handle)
         del self._made[handle]
         self._resting.discard(handle)
         pybullet.removeBody(handle, physicsClientId=self._client)
@@ -171,6 +178,7 @@ class BulletEngine:
         self._wake(handle)
         velocity = pybullet.getBaseVelocity(handle, physicsClientId=self._client)
         centre = pose.compose(self._made[handle].body.parts[0].inertia.pose)
+        self._wake_neighbours(handle)
         pybullet.resetBasePositionAndOrientation(
             handle, centre.position, centre.rotation, physicsClientId=self._client
         )
@@ -195,6 +203,8 @@ class BulletEngine:
         )
 
     def joints(self, handle: int, parts: Sequence[int]) -> list[tuple[float, float]]:
+        if not parts:
+            return []
         states = pybullet.getJointStates(
             handle, self._links(handle, parts), physicsClientId=self._client
         )
@@ -212,6 +222,7 @@ class BulletEngine:
 
     def set_joint(self, handle: int, part: int, position: float) -> None:
         self._wake(handle)
+        self._wake_neighbours(handle)
         pybullet.resetJointState(
             handle, self._made[handle].links[part], position, 0.0, physicsClientId=self._client
         )
@@ -239,6 +250,23 @@ class BulletEngine:
     def _wake(self, handle: int) -> None:
         if handle in self._resting:
             self._activate(handle, pybullet.ACTIVATION_STATE_WAKE_UP)
+
+    def _wake_all(self) -> None:
+        for handle in self._resting:
+            self._wake(handle)
+
+    def _wake_neighbours(self, handle: int) -> None:
+        """Wakes the bodies beside and on a body; pybullet wakes none of them if their support goes away.
+
+        What leans on a woken body wakes with it, in the step in which that moves.
+        """
+        links = range(-1, pybullet.getNumJoints(handle, physicsClientId=self._client))
+        boxes = [pybullet.getAABB(handle, link, physicsClientId=self._client) for link in links]
+        low = [min(corner) - NEAR for corner in zip(*(box[0] for box in boxes), strict=True)]
+        high = [max(corner) + NEAR for corner in zip(*(box[1] for box in boxes), strict=True)]
+        found = pybullet.getOverlappingObjects(low, high, physicsClientId=self._client)
+        for neighbour in sorted({body for body, _ in found or ()} - {handle}):
+            self._wake(neighbour)
 
     def push(self, handle: int, part: int, force: Vector, torque: Vector, point: Vector) -> None:
         self._wake(handle)

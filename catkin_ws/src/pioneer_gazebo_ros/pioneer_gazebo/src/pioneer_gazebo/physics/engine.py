@@ -60,12 +60,12 @@ class Engine(Protocol):
     """A world of static shapes and moving bodies. Used from one thread."""
 
     def configure(self, physics: Physics) -> None:
-        """Applies new settings from the next step on."""
+        """Applies new settings from the next step on; another gravity wakes all sleeping bodies."""
 
     def set_standing(
         self, ground: Sequence[PlacedCollision], obstacles: Sequence[PlacedCollision]
     ) -> None:
-        """Replaces the static world: the ground that wheels roll on, and all obstacles.
+        """Replaces the static world, and wakes all bodies: the ground that wheels roll on, and all obstacles.
 
         Raises:
             EngineError: a shape cannot be created.
@@ -79,7 +79,7 @@ class Engine(Protocol):
         """
 
     def remove(self, handle: int) -> None:
-        """Removes a body."""
+        """Removes a body, and wakes those beside it and on it."""
 
     def step(self) -> None:
         """Advances by one physics step."""
@@ -91,7 +91,7 @@ class Engine(Protocol):
         """Returns the velocity of a part's frame."""
 
     def set_pose(self, handle: int, pose: Pose) -> None:
-        """Moves the base frame, and the whole body with it; velocities are kept."""
+        """Moves the base frame, and the whole body with it; velocities are kept. Wakes those beside it and on it."""
 
     def set_velocity(self, handle: int, velocity: Velocity) -> None:
         """Sets the velocity of the base frame."""

@@ -1,0 +1,90 @@
+"""Bodies that sleep in the engine wake when what carries them goes away."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from pioneer_gazebo.simulation.schedule import TICK_RATE
+from pioneer_gazebo.simulation.simulation import Simulation
+from pioneer_gazebo.world.model import Inertia, Model
+from pioneer_gazebo.world.pose import Pose
+from pioneer_gazebo.world.robot import Robot
+
+MakeSimulation = Callable[..., Simulation]
+
+ASLEEP = 5 * TICK_RATE
+"""Long enough for every motionless body to fall asleep [ticks]."""
+
+TOP = 1.0
+"""Height of the table [m]."""
+
+FAR = Pose((30.0, 0.0, TOP / 2))
+
+
+def laid(
+    simulate: MakeSimulation, box: Callable[..., Model], robot: Robot, static: bool
+) -> Simulation:
+    """Returns a world with two boxes, one on the other, and a robot, all asleep on a table."""
+    table = box("table", Pose((0.0, 0.0, TOP / 2)), (4.0, 4.0, TOP), static=static, mass=500.0)
+    # Otherwise it would rock under the robot.
+    table = replace(table, links=(replace(table.links[0], inertia=Inertia(700.0, 700.0, 1300.0)),))
+    lower = box("lower", Pose((-1.0, 0.0, TOP + 0.1)), (0.2, 0.2, 0.2), static=False)
+    upper = box("upper", Pose((-1.0, 0.0, TOP + 0.3)), (0.2, 0.2, 0.2), static=False)
+    simulation = simulate(table, lower, upper)
+    simulation.add_robot("r", "r", robot, Pose((1.0, 0.0, TOP)))
+    simulation.advance(ASLEEP)
+    assert height(simulation, "upper") == pytest.approx(TOP + 0.3, abs=0.01)
+    assert height(simulation, "r") == pytest.approx(TOP, abs=0.01)
+    return simulation
+
+
+def height(simulation: Simulation, name: str) -> float:
+    return simulation.pose(simulation.entity(name)).position[2]
+
+
+def assert_fallen(simulation: Simulation) -> None:
+    simulation.advance(simulation.tick + 2 * TICK_RATE)
+    for name in ("lower", "upper", "r"):
+        assert height(simulation, name) < 0.5, f"{name} floats"
+
+
+@pytest.mark.parametrize("static", [False, True])
+def test_what_sleeps_on_a_table_falls_when_the_table_is_removed(
+    simulate: MakeSimulation, box: Callable[..., Model], robot: Robot, static: bool
+) -> None:
+    simulation = laid(simulate, box, robot, static)
+    simulation.remove("table")
+    assert_fallen(simulation)
+
+
+@pytest.mark.parametrize("static", [False, True])
+def test_what_sleeps_on_a_table_falls_when_the_table_is_moved(
+    simulate: MakeSimulation, box: Callable[..., Model], robot: Robot, static: bool
+) -> None:
+    simulation = laid(simulate, box, robot, static)
+    simulation.place("table", FAR)
+    assert_fallen(simulation)
+
+
+def test_what_sleeps_rises_when_gravity_is_turned_round(
+    simulate: MakeSimulation, box: Callable[..., Model], robot: Robot
+) -> None:
+    simulation = laid(simulate, box, robot, True)
+    simulation.configure(replace(simulation.physics, gravity=(0.0, 0.0, 2.0)))
+    simulation.advance(simulation.tick + 2 * TICK_RATE)
+    for name in ("lower", "upper", "r"):
+        assert height(simulation, name) > TOP + 1.0, f"{name} stays down"
+
+
+def test_a_distant_robot_sleeps_on(
+    simulate: MakeSimulation, box: Callable[..., Model], robot: Robot
+) -> None:
+    simulation = laid(simulate, box, robot, True)
+    sleeping = simulation.add_robot("far", "far", robot, Pose((8.0, 0.0, 0.0)))
+    simulation.advance(simulation.tick + ASLEEP)
+    before = simulation.pose(sleeping)
+    simulation.place("lower", Pose((3.0, 0.0, 0.1)))
+    simulation.remove("upper")
+    simulation.advance(simulation.tick + TICK_RATE)
+    assert simulation.pose(sleeping) == before
