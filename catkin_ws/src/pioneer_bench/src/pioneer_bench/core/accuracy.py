@@ -229,9 +229,7 @@ def expected_ranges(x: float, y: float, angles: NDArray[np.float64]) -> NDArray[
 
 def laser_rows(make: MakeSimulation, robot: Robot) -> Iterator[Row]:
     """Yields the errors of noise-free scans against geometry, and of the noise against its parameters."""
-    laser = replace(
-        robot.lasers[0], samples=720, min_angle=-3.1, max_angle=3.1, max_range=12.0, resolution=0.0
-    )
+    laser = replace(robot.lasers[0], samples=720, min_angle=-3.1, max_angle=3.1, max_range=12.0)
     silent, noisy = (
         replace(robot, devices=(*robot.drives, replace(laser, noise_stddev=noise)))
         for noise in (0.0, 0.02)

@@ -2,10 +2,13 @@
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future
 
 from rosgraph_msgs.msg import Clock
 
+from pioneer_gazebo.error import SimulatorError
 from pioneer_gazebo.lockstep.gate import LockstepGate
 from pioneer_gazebo.ros import messages
 from pioneer_gazebo.ros.mailbox import Mailbox
@@ -114,6 +117,10 @@ GATE_PATIENCE = 0.1
 """Interval at which the current lockstep period is checked [s of wall time]."""
 
 
+class StepError(SimulatorError):
+    """A single step is not possible, or was not done."""
+
+
 class Timeline:
     """Advances simulated time at the requested pace, runs due tasks, and publishes ``/clock``.
 
@@ -141,6 +148,8 @@ class Timeline:
         self.tick = self._target = 0
         self._after_tick = after_tick
         self._gate = gate
+        #: requested single steps: the tick at which each ends, and the future that receives it
+        self._steps: deque[tuple[int, Future[int]]] = deque()
         self._clock = Topic("/clock", Clock, self.schedule.review)
         self.schedule.add(
             "/clock", clock_rate, self._publish_clock, lambda: self._clock.wanted, False
@@ -170,15 +179,19 @@ class Timeline:
 
     def turn(self, patience: float) -> None:
         """Waits for the next tick with due tasks, at most ``patience`` [s] or until work arrives; runs it."""
-        if self.paused:
+        if self.paused and not self._steps:
             self.mailbox.wait(patience)
             return
         if self._gate is not None and self._gate.holds(self.tick):
             self.mailbox.wait(min(patience, GATE_PATIENCE))
             return
-        tick = self._target = min(self.schedule.next_after(self.tick), self.tick + LONGEST)
+        tick = min(self.schedule.next_after(self.tick), self.tick + LONGEST)
         if self._gate is not None:
-            tick = self._target = min(tick, self._gate.until)
+            tick = min(tick, self._gate.until)
+        if self._steps:
+            self._step_to(min(tick, self._steps[0][0]))
+            return
+        self._target = tick
         wait = self.pacer.wait_for(tick / TICK_RATE)
         if wait > 0 and (self.mailbox.wait(min(wait, patience)) or wait > patience):
             return
@@ -214,16 +227,38 @@ class Timeline:
         self.pacer.factor = factor
         self.pacer.restart()
 
-    def step(self) -> None:
-        """Advances by one physics step; only while paused."""
-        end = self.tick + round(self.simulation.physics.step * TICK_RATE)
-        while (tick := self.schedule.next_after(self.tick)) <= end:
+    def request_step(self) -> "Future[int]":
+        """Requests one physics step, which `turn` runs; returns the future that receives the tick at its end.
+
+        In lockstep a step waits for the nodes, as time does that runs by itself.
+
+        Raises:
+            StepError: time runs by itself.
+        """
+        if not self.paused:
+            raise StepError("step works while physics is paused (pause_physics)")
+        begin = self._steps[-1][0] if self._steps else self.tick
+        done = Future[int]()
+        self._steps.append((begin + round(self.simulation.physics.step * TICK_RATE), done))
+        return done
+
+    def cancel_steps(self, reason: str) -> None:
+        """Drops the requested steps that are not done; their futures raise StepError."""
+        while self._steps:
+            self._steps.popleft()[1].set_exception(StepError(reason))
+
+    def _step_to(self, tick: int) -> None:
+        """Runs to a tick of the first requested step."""
+        self._target = tick
+        if tick > self.tick:
             self._run_to(tick)
-        self.simulation.advance(end)
-        self.tick = end
+        if self.tick >= self._steps[0][0]:
+            self.simulation.advance(self.tick)
+            self._steps.popleft()[1].set_result(self.tick)
 
     def restart(self) -> None:
         """Resets time to 0, and the simulation with it."""
+        self.cancel_steps("time was reset")
         self.tick = self._target = 0
         self.pacer.restart()
         if self._gate is not None:

@@ -7,11 +7,12 @@ import pybullet
 import pytest
 from numpy.typing import NDArray
 
-from pioneer_gazebo.laser.laser import Laser, Movers, WallIndex, generator_for
+from pioneer_gazebo.laser.laser import Laser, Movers, WallIndex, laser_of_sonar
 from pioneer_gazebo.laser.laser_kernel import Fan, Sensor
+from pioneer_gazebo.noise import Noise
 from pioneer_gazebo.world.model import Box, Cylinder, Mesh, Shape, Sphere
 from pioneer_gazebo.world.pose import Pose
-from pioneer_gazebo.world.robot import LaserSensor
+from pioneer_gazebo.world.robot import LaserSensor, SonarSensor
 from pioneer_gazebo.world.section import Section, section_of
 
 HEIGHT = 0.3
@@ -161,19 +162,89 @@ def test_the_carrier_does_not_see_itself() -> None:
     assert (out == REACH).all()
 
 
-def test_noise_has_the_asked_deviation_and_depends_on_seed_and_names_only() -> None:
-    config = LaserSensor("laser", "link", samples=2000, noise_stddev=0.02)
-    true = np.full(2000, 5.0)
-    first = Laser(config, generator_for(7, "pioneer1", "laser")).measured(true.copy())
-    again = Laser(config, generator_for(7, "pioneer1", "laser")).measured(true.copy())
-    other = Laser(config, generator_for(7, "pioneer2", "laser")).measured(true.copy())
+def test_noise_has_the_asked_mean_and_deviation_and_depends_on_seed_and_names_only() -> None:
+    config = LaserSensor("laser", "link", samples=20_000, noise_mean=0.01, noise_stddev=0.02)
+    true = np.full(20_000, 5.0)
+    first = Laser(config, Noise(7, "pioneer1", "laser")).measured(true.copy(), 60)
+    again = Laser(config, Noise(7, "pioneer1", "laser")).measured(true.copy(), 60)
     assert (first == again).all()
-    assert (first != other).any()
-    assert np.std(first - 5.0) == pytest.approx(0.02, rel=0.1)
+    for noise in (Noise(7, "pioneer2", "laser"), Noise(8, "pioneer1", "laser")):
+        assert (first != Laser(config, noise).measured(true.copy(), 60)).all()
+    assert np.mean(first - 5.0) == pytest.approx(0.01, abs=4 * 0.02 / math.sqrt(20_000))
+    assert np.std(first - 5.0) == pytest.approx(0.02, rel=0.03)
 
 
 def test_nothing_met_is_plus_infinity_and_too_near_is_minus_infinity() -> None:
-    laser = Laser(
-        LaserSensor("laser", "link", samples=3, min_range=0.1, max_range=8.0), generator_for(0)
-    )
-    assert laser.measured(np.array([0.05, 3.0, 8.0])).tolist() == [-math.inf, 3.0, math.inf]
+    laser = Laser(LaserSensor("laser", "link", samples=3, min_range=0.1, max_range=8.0), Noise(0))
+    assert laser.measured(np.array([0.05, 3.0, 8.0]), 0).tolist() == [-math.inf, 3.0, math.inf]
+
+
+@pytest.mark.parametrize("beams", [1, 2, 5, 15])
+def test_a_sonars_noise_is_unbiased_however_many_beams_it_has(beams: int) -> None:
+    config = SonarSensor("s", "l", samples=beams, gaussianNoise=0.05)
+    sonar = Laser(laser_of_sonar(config), Noise(3, "r", "s"))
+    true = np.full(beams, 2.0)
+    readings = np.array([sonar.nearest(true, tick) for tick in range(20_000)])
+    assert np.mean(readings) == pytest.approx(2.0, abs=4 * 0.05 / math.sqrt(20_000))
+    assert np.std(readings) == pytest.approx(0.05, rel=0.03)
+
+
+def test_a_sonar_reads_its_limits_beyond_them() -> None:
+    sonar = Laser(laser_of_sonar(SonarSensor("s", "l", gaussianNoise=0.5)), Noise(0))
+    for tick in range(50):
+        assert sonar.nearest(np.full(5, 5.0), tick) == 5.0
+        assert sonar.nearest(np.full(5, 0.05), tick) == 0.1
+
+
+@pytest.mark.parametrize(("low", "high"), [(-1.0, 1.0), (-0.3, 0.9), (0.0, 3.0)])
+def test_a_laser_with_one_beam_looks_at_the_middle(low: float, high: float) -> None:
+    config = LaserSensor("laser", "link", samples=1, min_angle=low, max_angle=high, max_range=30.0)
+    laser = Laser(config, Noise(0))
+    middle = (low + high) / 2
+    assert (laser.first, laser.last, laser.increment) == (middle, middle, 0.0)
+    post = Pose.from_rpy(4.0 * math.cos(middle), 4.0 * math.sin(middle), HEIGHT)
+    walls = index((Cylinder(0.1, 2.0), post))
+    [distance] = laser.distances(walls, Movers([]), np.empty((0, 3)), -1, Sensor(0.0, 0.0, 0.0))
+    assert distance == pytest.approx(3.9)
+
+
+def test_no_beam_passes_between_two_segments_that_share_a_vertex() -> None:
+    rng = np.random.default_rng(5)
+    passed = 0
+    for _ in range(60):
+        # A closed polygon about the sensor, with random vertices.
+        angles = np.sort(rng.uniform(-math.pi, math.pi, 40))
+        radii = rng.uniform(1.0, 9.0, 40)
+        corners = np.column_stack([radii * np.cos(angles), radii * np.sin(angles)])
+        shift = rng.uniform(-5.0, 5.0, 2)
+        ends = corners + shift
+        following = np.roll(ends, -1, axis=0)
+        segments = np.column_stack([ends, following - ends])
+        walls = WallIndex(Section(segments, np.empty((0, 3))))
+        outline = Movers([segments])
+        out = np.empty(1)
+        for angle, radius in zip(angles, radii, strict=True):
+            fan = Fan(float(angle), 0.0, 30.0)
+            walls.cast(Sensor(*shift, 0.0), fan, out)
+            passed += out[0] > radius + 1e-6
+            out[0] = 30.0
+            outline.shorten(np.zeros((1, 3)), -1, Sensor(*shift, 0.0), fan, out)
+            passed += out[0] > radius + 1e-6
+    assert passed == 0
+
+
+def test_a_beam_along_a_wall_sees_no_nearer_than_its_end() -> None:
+    rng = np.random.default_rng(6)
+    out = np.empty(1)
+    for _ in range(500):
+        yaw = rng.uniform(-math.pi, math.pi)
+        sensor = Sensor(*rng.uniform(-3.0, 3.0, 2), yaw)
+        ahead = np.array([math.cos(yaw), math.sin(yaw)])
+        near, length = rng.uniform(0.5, 4.0, 2)
+        start = np.array([sensor.x, sensor.y]) + near * ahead
+        end = start + length * ahead
+        if rng.random() < 0.5:
+            start, end = end, start
+        segments = np.array([[*start, *(end - start)]])
+        WallIndex(Section(segments, np.empty((0, 3)))).cast(sensor, Fan(0.0, 0.0, 30.0), out)
+        assert out[0] == 30.0 or near - 1e-6 <= out[0] <= near + length + 1e-6

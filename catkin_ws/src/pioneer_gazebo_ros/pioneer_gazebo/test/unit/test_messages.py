@@ -1,6 +1,7 @@
 """A template's frame has the bytes that rospy would have serialised."""
 
 import io
+import math
 import struct
 from typing import Any
 
@@ -14,6 +15,8 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, LaserScan, Range
 from tf2_msgs.msg import TFMessage
 
+from pioneer_gazebo.laser.laser import Laser
+from pioneer_gazebo.noise import Noise
 from pioneer_gazebo.physics.engine import STILL, Velocity
 from pioneer_gazebo.ros import messages
 from pioneer_gazebo.topics import drive_messages, sensor_messages
@@ -52,11 +55,11 @@ def test_odometry() -> None:
 def test_scan() -> None:
     config = LaserSensor("laser", "laser", samples=5, max_range=8.0)
     ranges = np.array([1.0, 2.0, np.inf, -np.inf, 3.5])
-    message = read(
-        LaserScan, sensor_messages.ScanTemplate(config, "r/laser", 0.25).fill(TIME, ranges)
-    )
+    laser = Laser(config, Noise(0))
+    template = sensor_messages.ScanTemplate(config, "r/laser", laser)
+    message = read(LaserScan, template.fill(TIME, ranges))
     assert message.ranges == tuple(ranges)
-    assert (message.range_max, message.angle_increment) == (8.0, 0.25)
+    assert (message.range_max, message.angle_increment) == (8.0, pytest.approx(math.pi / 4))
 
 
 def test_joint_states() -> None:

@@ -156,6 +156,32 @@ def test_a_wrench_acts_from_first_to_last_tick(
     assert len(engine.pushed) == 5
 
 
+@pytest.mark.parametrize("step", [1 / 600, 0.01, 0.02, 0.05])
+@pytest.mark.parametrize("at", [0.0, 0.013, 0.2])
+@pytest.mark.parametrize("duration", [0.001, 0.01, 0.02, 0.033, 0.1])
+def test_the_impulse_of_a_wrench_is_force_times_duration_at_any_physics_step(
+    simulation: Simulation,
+    engine: FakeEngine,
+    robot: Robot,
+    step: float,
+    at: float,
+    duration: float,
+) -> None:
+    simulation.configure(Physics(step=step))
+    entity = simulation.add_robot("r", "", robot, Pose())
+    simulation.advance(7)
+    first = at * TICK_RATE
+    last = first + duration * TICK_RATE
+    simulation.push(
+        Wrench(entity, 0, (100.0, 0.0, 0.0), (0.0, 0.0, 4.0), (0.0, 0.0, 0.0), first, last)
+    )
+    simulation.advance(TICK_RATE)
+    impulse = sum(force[0] for _, _, force, _, _ in engine.pushed) * step
+    twist = sum(torque[2] for _, _, _, torque, _ in engine.pushed) * step
+    assert impulse == pytest.approx(100.0 * duration)
+    assert twist == pytest.approx(4.0 * duration)
+
+
 def test_a_wrench_without_end_is_cleared_with_its_link(
     simulation: Simulation, engine: FakeEngine, robot: Robot
 ) -> None:

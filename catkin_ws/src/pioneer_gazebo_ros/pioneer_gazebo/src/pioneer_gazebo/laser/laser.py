@@ -1,13 +1,13 @@
 """Planar laser: ray casts from a level sensor against walls and moving outlines, with SDF's Gaussian noise."""
 
 import math
-import zlib
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pioneer_gazebo.laser import laser_kernel as kernel
 from pioneer_gazebo.laser.laser_kernel import Fan, Sensor
+from pioneer_gazebo.noise import Noise
 from pioneer_gazebo.world.robot import LaserSensor, SonarSensor
 from pioneer_gazebo.world.section import Section
 
@@ -71,18 +71,11 @@ def _radius(outline: NDArray[np.float64]) -> float:
     return float(np.sqrt((ends**2).sum(axis=1)).max()) if len(ends) else 0.0
 
 
-def generator_for(seed: int, *names: str) -> np.random.Generator:
-    """Returns a random generator that depends on seed and ``names`` only, so that other entities do not affect it."""
-    return np.random.default_rng(
-        [seed & 0xFFFFFFFF, *(zlib.crc32(name.encode()) for name in names)]
-    )
-
-
 def laser_of_sonar(config: SonarSensor) -> LaserSensor:
-    """Returns the fan of beams that models a sonar's cone; the sonar reads its shortest beam."""
+    """Returns the fan of beams that models a sonar's cone; its reading is that of `Laser.nearest`."""
     return LaserSensor(
         config.name, config.link, config.pose, config.update_rate, config.frame,
-        samples=max(2, config.samples), min_angle=-config.fov / 2, max_angle=config.fov / 2,
+        samples=max(1, config.samples), min_angle=-config.fov / 2, max_angle=config.fov / 2,
         min_range=config.min_range, max_range=config.max_range, noise_stddev=config.gaussianNoise, topic=config.topic,
     )  # fmt: skip
 
@@ -91,17 +84,23 @@ class Laser:
     """One laser on one robot; converts distances to ranges like Gazebo's ray sensor.
 
     Only hits get noise, and stay within the range limits. A distance beyond the maximum range becomes +inf, one below
-    the minimum range −inf (REP 117, Gazebo 11).
+    the minimum range −inf (REP 117, Gazebo 11). Ranges are not rounded: Gazebo only reports ``<resolution>``.
     """
 
-    def __init__(self, config: LaserSensor, generator: np.random.Generator) -> None:
+    def __init__(self, config: LaserSensor, noise: Noise) -> None:
         self.config = config
-        self._generator = generator
+        self._noise = noise
         self._distances = np.empty(config.samples)
-        self._noise = np.zeros(config.samples)
-        self.increment = (config.max_angle - config.min_angle) / max(1, config.samples - 1)
+        self._draws = np.zeros(config.samples)
+        #: first: angle of the first beam [rad]; a single beam lies in the middle of the fan
+        #: last: angle of the last beam [rad]
+        #: increment: angle between beams [rad]
+        self.first, self.last = config.min_angle, config.max_angle
+        if config.samples == 1:
+            self.first = self.last = (config.min_angle + config.max_angle) / 2
+        self.increment = (self.last - self.first) / max(1, config.samples - 1)
 
-    def ranges(
+    def distances(
         self,
         walls: WallIndex,
         movers: Movers,
@@ -109,23 +108,31 @@ class Laser:
         own: int,
         sensor: Sensor,
     ) -> NDArray[np.float64]:
-        """Returns the ranges [m] of a scan from ``sensor``; the array is overwritten by the next scan."""
+        """Returns the true distances [m] of a scan from ``sensor``; the array is overwritten by the next scan."""
         out = self._distances
-        fan = Fan(self.config.min_angle, self.increment, self.config.max_range)
+        fan = Fan(self.first, self.increment, self.config.max_range)
         walls.cast(sensor, fan, out)
         movers.shorten(poses, own, sensor, fan, out)
-        return self.measured(out)
+        return out
 
-    def reseed(self, generator: np.random.Generator) -> None:
-        """Restarts the noise sequence."""
-        self._generator = generator
-
-    def measured(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Converts true distances to ranges in place: resolution, noise, limits."""
+    def measured(self, out: NDArray[np.float64], tick: int) -> NDArray[np.float64]:
+        """Converts true distances to the ranges read at ``tick`` in place: noise, limits."""
         config = self.config
         if config.noise_stddev > 0:
-            self._generator.standard_normal(out=self._noise)
+            self._noise.at(tick).standard_normal(out=self._draws)
         limits = (config.min_range, config.max_range)
-        reading = kernel.Reading(config.noise_mean, config.noise_stddev, config.resolution, *limits)
-        kernel.measure(out, self._noise, reading)
+        reading = kernel.Reading(config.noise_mean, config.noise_stddev, *limits)
+        kernel.measure(out, self._draws, reading)
         return out
+
+    def nearest(self, distances: NDArray[np.float64], tick: int) -> float:
+        """Returns a sonar's reading [m] at ``tick``: the nearest of its beams, with the noise of one reading.
+
+        Noise on each beam would make the shortest one too short by more than its deviation.
+        """
+        config = self.config
+        nearest = float(distances.min())
+        if config.min_range <= nearest < config.max_range and config.noise_stddev > 0:
+            draw = float(self._noise.at(tick).standard_normal())
+            nearest += config.noise_mean + config.noise_stddev * draw
+        return min(max(nearest, config.min_range), config.max_range)

@@ -59,9 +59,39 @@ class Reading(NamedTuple):
 
     mean: float  #: mean of the noise [m]
     deviation: float  #: standard deviation of the noise [m]
-    resolution: float  #: ranges are multiples of it [m]; 0 for no rounding
     least: float  #: minimum range [m]; smaller distances become -inf
     most: float  #: maximum range [m]; larger distances become +inf
+
+
+GRAZE = 1e-9
+"""A beam that passes an end of a segment at most this far outside [m] hits it: of two that share it, one is hit."""
+
+PARALLEL = 1e-6
+"""Below this, the length of a segment across a beam [m] is too small for a quotient to tell where they meet."""
+
+
+@njit(inline="always")
+def _segment_distance(
+    wx: float, wy: float, ex: float, ey: float, dx: float, dy: float, most: float
+) -> float:
+    """Returns the distance along a ray to a segment; ``most`` if it is not hit nearer than that.
+
+    The segment begins at (wx, wy) relative to the ray's origin; (ex, ey) leads to its other end, and (dx, dy) is the
+    ray's unit vector.
+    """
+    across = dx * ey - dy * ex
+    aside = wx * dy - wy * dx
+    along = wx * ey - wy * ex
+    if across < 0.0:
+        across, aside, along = -across, -aside, -along
+    if across == 0.0 or aside < -GRAZE or aside > across + GRAZE:
+        return most
+    distance = along / across
+    if across < PARALLEL:
+        first = wx * dx + wy * dy
+        second = first + ex * dx + ey * dy
+        distance = min(max(distance, min(first, second)), max(first, second))
+    return distance if 0.0 <= distance < most else most
 
 
 @njit(inline="always")
@@ -184,15 +214,8 @@ def _cast_one(
         for i in range(starts[k], starts[k + 1]):
             item = items[i]
             if item < count:
-                ex, ey = segments[item, 2], segments[item, 3]
-                denominator = dx * ey - dy * ex
-                if denominator != 0.0:
-                    wx, wy = segments[item, 0] - px, segments[item, 1] - py
-                    u = (wx * dy - wy * dx) / denominator
-                    if 0.0 <= u <= 1.0:
-                        t = (wx * ey - wy * ex) / denominator
-                        if 0.0 <= t < best:
-                            best = t
+                wx, wy = segments[item, 0] - px, segments[item, 1] - py
+                best = _segment_distance(wx, wy, segments[item, 2], segments[item, 3], dx, dy, best)
             else:
                 q = item - count
                 t = _circle_distance(px, py, dx, dy, circles[q, 0], circles[q, 1], circles[q, 2])
@@ -251,7 +274,6 @@ def _shorten(
         start += sweep
         sweep = -sweep
     ex, ey = bx - ax, by - ay
-    cross = ax * ey - ay * ex
     if increment == 0.0:
         low, high = 0, out.shape[0] - 1
         shift = 0
@@ -274,14 +296,7 @@ def _shorten(
             first, last = math.floor(low - turn_beams), math.ceil(high - turn_beams)
         for i in range(max(first, 0), min(last, n - 1) + 1):
             angle = yaw_first + i * increment
-            dx, dy = math.cos(angle), math.sin(angle)
-            denominator = dx * ey - dy * ex
-            if denominator != 0.0:
-                u = (ax * dy - ay * dx) / denominator
-                if 0.0 <= u <= 1.0:
-                    t = cross / denominator
-                    if 0.0 <= t < out[i]:
-                        out[i] = t
+            out[i] = _segment_distance(ax, ay, ex, ey, math.cos(angle), math.sin(angle), out[i])
 
 
 @kernel
@@ -323,14 +338,14 @@ def cast_movers(
 
 @kernel
 def measure(out: Array1[np.float64], noise: Array1[np.float64], reading: Reading) -> None:
-    """Converts true distances to ranges in place: noise, resolution, limits.
+    """Converts true distances to ranges in place: noise, limits.
 
     Args:
         out: distances [m].
         noise: standard normal samples, one per beam.
         reading: of the sensor.
     """
-    mean, deviation, resolution, least, most = reading
+    mean, deviation, least, most = reading
     for i in range(out.shape[0]):
         true = out[i]
         if true >= most:
@@ -339,6 +354,4 @@ def measure(out: Array1[np.float64], noise: Array1[np.float64], reading: Reading
             out[i] = -math.inf
         else:
             value = true + deviation * noise[i] + mean
-            if resolution > 0.0:
-                value = np.rint(value / resolution) * resolution
             out[i] = min(max(value, least), most)

@@ -2,9 +2,6 @@
 
 import math
 
-import numpy as np
-
-from pioneer_gazebo.laser.laser import generator_for
 from pioneer_gazebo.physics.engine import Velocity
 from pioneer_gazebo.simulation.entity import Entity
 from pioneer_gazebo.simulation.simulation import Simulation
@@ -31,7 +28,7 @@ class InertialUnit:
 
     def __init__(self, simulation: Simulation, entity: Entity, config: Imu) -> None:
         self._simulation, self._entity, self._config = simulation, entity, config
-        self._noise = generator_for(0, entity.name, config.name)
+        self._noise = simulation.noise(entity, config)
 
     def measure(self) -> tuple[Quaternion, Vector, Vector]:
         """Returns rotation in the world, rates [rad/s], and the acceleration during the physics step [m/s²]."""
@@ -42,7 +39,8 @@ class InertialUnit:
         back = conjugate(pose.rotation)
         rates, felt = rotated(back, velocity.angular), rotated(back, felt)
         if config.gaussianNoise > 0:
-            draws: list[float] = (self._noise.standard_normal(6) * config.gaussianNoise).tolist()
+            normals = self._noise.at(simulation.tick).standard_normal(6)
+            draws: list[float] = (normals * config.gaussianNoise).tolist()
             rates, felt = (
                 added(rates, (draws[0], draws[1], draws[2])),
                 added(felt, (draws[3], draws[4], draws[5])),
@@ -89,7 +87,7 @@ class Truth:
         self._part, at = entity.body.part_of(config.bodyName)
         self._is_base = self._part == 0 and at == IDENTITY
         self._offset = Pose.from_rpy(*config.xyzOffset, *config.rpyOffset)
-        self._noise = generator_for(0, entity.name, config.name)
+        self._noise = simulation.noise(entity, config)
 
     def motion(self) -> tuple[Pose, Velocity]:
         """Returns pose and velocity in the world."""
@@ -99,9 +97,8 @@ class Truth:
         else:
             pose, velocity = link_motion(simulation, entity.name, self._config.bodyName)
         if self._config.gaussianNoise > 0:
-            draws: list[float] = (
-                self._noise.standard_normal(6) * np.float64(self._config.gaussianNoise)
-            ).tolist()
+            normals = self._noise.at(simulation.tick).standard_normal(6)
+            draws: list[float] = (normals * self._config.gaussianNoise).tolist()
             x, y, z, roll, pitch, yaw = draws
             velocity = Velocity(
                 added(velocity.linear, (x, y, z)), added(velocity.angular, (roll, pitch, yaw))

@@ -239,7 +239,7 @@ class StateServices:
         point = base.transform(messages.vector_from_message(request.reference_point))
         if request.reference_frame in state.WORLD_NAMES and point == (0.0, 0.0, 0.0):
             point = state.motion(self._simulation, request.body_name)[0].position
-        first = max(self._simulation.tick, round(request.start_time.to_sec() * TICK_RATE))
+        first = max(self._simulation.tick, request.start_time.to_sec() * TICK_RATE)
         duration = request.duration.to_sec()
         last = math.inf if duration < 0 else first + duration * TICK_RATE
         self._simulation.push(Wrench(entity, part, force, torque, point, first, last))

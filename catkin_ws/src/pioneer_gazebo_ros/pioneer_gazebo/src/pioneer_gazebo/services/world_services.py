@@ -16,13 +16,16 @@ from pioneer_gazebo.ros.mailbox import serve
 from pioneer_gazebo.ros.messages import pose_from_message, vector_from_message
 from pioneer_gazebo.simulation import state
 from pioneer_gazebo.simulation.schedule import TICK_RATE
-from pioneer_gazebo.timeline import Timeline
+from pioneer_gazebo.timeline import StepError, Timeline
 from pioneer_gazebo.topics.robots import Robots
 from pioneer_gazebo.world.mesh import prepare
 from pioneer_gazebo.world.pose import Pose
 from pioneer_gazebo.world.resource import model_path
 from pioneer_gazebo.world.sdf import world_from_sdf_text
 from pioneer_gazebo.world.urdf import robot_from_urdf
+
+STEP_PATIENCE = 30.0
+"""Time limit of a step [s of wall time]; only nodes in lockstep can delay one."""
 
 LONGEST_NAMESPACE = 200
 """Maximum length of a namespace [characters]."""
@@ -46,9 +49,10 @@ class WorldServices:
             ("unpause_physics", Empty, lambda _: timeline.pause(False)),
             ("reset_world", Empty, self._reset_world),
             ("reset_simulation", Empty, self._reset_simulation),
-            ("step", Trigger, self._step),
         ):
             serve(name, kind, handler, self._mailbox)
+        # A step may wait for nodes in lockstep, whose answers come through the mailbox.
+        serve("step", Trigger, self._step)
 
     def _spawn_urdf(self, request: srv.SpawnModelRequest) -> str:
         name, namespace = request.model_name, _namespace(request)
@@ -122,10 +126,14 @@ class WorldServices:
         self._timeline.publish_now()
 
     def _step(self, _: TriggerRequest) -> str:
-        if not self._timeline.paused:
-            raise ModelError("step works while physics is paused (pause_physics)")
-        self._timeline.step()
-        return f"simulated time is {self._simulation.tick / TICK_RATE:.6f} s"
+        done = self._mailbox.call(self._timeline.request_step)
+        try:
+            tick = done.result(STEP_PATIENCE)
+        except TimeoutError:
+            reason = f"the step is not done after {STEP_PATIENCE:g} s: lockstep waits for its nodes"
+            self._mailbox.call(lambda: self._timeline.cancel_steps(reason))
+            raise StepError(reason) from None
+        return f"simulated time is {tick / TICK_RATE:.6f} s"
 
 
 def _spawned(name: str) -> str:

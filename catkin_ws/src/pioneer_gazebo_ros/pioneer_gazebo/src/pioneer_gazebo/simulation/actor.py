@@ -7,7 +7,7 @@ from pioneer_gazebo.physics.engine import STILL, Engine, Velocity
 from pioneer_gazebo.simulation.entity import Entity
 from pioneer_gazebo.simulation.schedule import TICK_RATE
 from pioneer_gazebo.world.model import Script
-from pioneer_gazebo.world.pose import Pose, Vector
+from pioneer_gazebo.world.pose import Pose, Vector, scaled
 
 FASTEST = 10.0
 """Faster script motion [m/s], such as from its end back to its start, is a jump: the model pushes nothing away."""
@@ -66,15 +66,23 @@ def velocity_between(a: Pose, b: Pose, seconds: float) -> Velocity:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wrench:
-    """A force [N] at a point of a part and a torque [N m], in the world's axes, from one tick to another."""
+    """A force [N] at a point of a part and a torque [N m], in the world's axes, from one tick to another.
+
+    The ticks may lie within a physics step: the impulse counts, which is force times duration.
+    """
 
     entity: Entity
     part: int
     force: Vector
     torque: Vector
     point: Vector
-    first: int
+    first: float
     last: float
+
+    def share_of(self, begin: int, end: int) -> float:
+        """Returns the part (0 … 1) of the time between two ticks during which it acts."""
+        acts = min(self.last, end) - max(self.first, begin)
+        return max(0.0, acts) / (end - begin)
 
 
 class Wrenches:
@@ -96,10 +104,16 @@ class Wrenches:
             if not (entity in (None, one.entity) and part in (None, one.part))
         ]
 
-    def push(self, tick: int) -> None:
-        """Applies the active wrenches to the step that begins at ``tick``, and removes those that have ended."""
+    def push(self, begin: int, end: int) -> None:
+        """Applies the wrenches to the step from ``begin`` to ``end`` [ticks], and removes those that have ended.
+
+        A wrench that acts during a part of the step gives its impulse over the whole of it.
+        """
         if self._wrenches:
-            self._wrenches = [one for one in self._wrenches if one.last > tick]
+            self._wrenches = [one for one in self._wrenches if one.last > begin]
         for one in self._wrenches:
-            if one.first <= tick:
-                self._engine.push(one.entity.handle, one.part, one.force, one.torque, one.point)
+            share = one.share_of(begin, end)
+            if share > 0.0:
+                force = scaled(one.force, share)
+                torque = scaled(one.torque, share)
+                self._engine.push(one.entity.handle, one.part, force, torque, one.point)

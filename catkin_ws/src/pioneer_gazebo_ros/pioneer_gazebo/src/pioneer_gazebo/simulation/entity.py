@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass, field, replace
 
 from pioneer_gazebo.body.body import Body
-from pioneer_gazebo.laser.laser import Laser, generator_for, laser_of_sonar
+from pioneer_gazebo.laser.laser import Laser, laser_of_sonar
+from pioneer_gazebo.noise import Noise
 from pioneer_gazebo.physics.engine import STILL, Engine, Velocity
 from pioneer_gazebo.simulation.command import CommandQueue, Moment
 from pioneer_gazebo.simulation.drive import Drive, Odometry, check_motion
@@ -12,6 +13,7 @@ from pioneer_gazebo.world.model import Script
 from pioneer_gazebo.world.pose import IDENTITY, Pose, Quaternion, heading
 from pioneer_gazebo.world.robot import (
     BaseDriver,
+    Device,
     DiffDrive,
     Gps,
     GroundTruth,
@@ -250,6 +252,13 @@ def swinging_parts(entity: Entity) -> list[Swinging]:
     ]
 
 
+def noise_of(entity: Entity, device: Device, seed: int) -> Noise:
+    """Returns the noise of a device, which no other device has, whatever their names."""
+    assert entity.robot is not None, "only a robot has devices"
+    number = next(number for number, one in enumerate(entity.robot.devices) if one is device)
+    return Noise(seed, entity.name, device.name, str(number))
+
+
 def equip(entity: Entity, seed: int, error: float, scale: float) -> None:
     """Adds the drives and ray sensors of an entity's robot, if it is one.
 
@@ -265,9 +274,7 @@ def equip(entity: Entity, seed: int, error: float, scale: float) -> None:
     frames = body.frames()
 
     def driven(config: DiffDrive) -> Driven:
-        errors = (
-            generator_for(seed, entity.name, config.name, "odometry").standard_normal(2) * error
-        )
+        errors = noise_of(entity, config, seed).at(0).standard_normal(2) * error
         drive = Drive(config, *(scale * (1.0 + float(error)) for error in errors))
         left, right = (tuple(body.joint_index(joint) for joint in side) for side in config.joints())
         is_left_right = frames[left[0]].position[1] < frames[right[0]].position[1]
@@ -279,7 +286,7 @@ def equip(entity: Entity, seed: int, error: float, scale: float) -> None:
     def mounted(device: LaserSensor | SonarSensor) -> Mounted:
         part, at = body.part_of(device.link)
         config = laser_of_sonar(device) if isinstance(device, SonarSensor) else device
-        laser = Laser(config, generator_for(seed, entity.name, config.name))
+        laser = Laser(config, noise_of(entity, device, seed))
         return Mounted(device, laser, part, at.compose(device.pose))
 
     entity.needs_motion = needs_motion(robot)

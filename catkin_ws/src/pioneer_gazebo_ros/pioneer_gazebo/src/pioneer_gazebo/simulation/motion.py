@@ -7,7 +7,7 @@ from typing import NamedTuple
 from pioneer_gazebo.body.body import Body
 from pioneer_gazebo.physics.engine import Velocity
 from pioneer_gazebo.world import joint as kinds
-from pioneer_gazebo.world.pose import Pose, Vector, added, opposite, rotated
+from pioneer_gazebo.world.pose import Pose, Vector, added, opposite, rotated, scaled
 
 
 class Motion(NamedTuple):
@@ -51,13 +51,13 @@ def part_motion(
         frame = pose.compose(joint.pose)
         axis = rotated(frame.rotation, joint.axis)
         if joint.kind == kinds.PRISMATIC:
-            child = frame.compose(Pose(_scaled(joint.axis, position)))
+            child = frame.compose(Pose(scaled(joint.axis, position)))
             carried = velocity.at(added(child.position, opposite(pose.position)))
-            velocity = Velocity(added(carried.linear, _scaled(axis, rate)), carried.angular)
+            velocity = Velocity(added(carried.linear, scaled(axis, rate)), carried.angular)
         else:
             child = frame.compose(Pose(rotation=_turn(joint.axis, position)))
             carried = velocity.at(added(child.position, opposite(pose.position)))
-            velocity = Velocity(carried.linear, added(carried.angular, _scaled(axis, rate)))
+            velocity = Velocity(carried.linear, added(carried.angular, scaled(axis, rate)))
         pose = child
     return Motion(pose, velocity)
 
@@ -72,12 +72,7 @@ def _mixed(a: Vector, b: Vector, part: float) -> Vector:
     return ax + part * (bx - ax), ay + part * (by - ay), az + part * (bz - az)
 
 
-def _scaled(vector: Vector, factor: float) -> Vector:
-    x, y, z = vector
-    return factor * x, factor * y, factor * z
-
-
 def _turn(axis: Vector, angle: float) -> tuple[float, float, float, float]:
     half = 0.5 * angle
-    x, y, z = _scaled(axis, math.sin(half))
+    x, y, z = scaled(axis, math.sin(half))
     return x, y, z, math.cos(half)

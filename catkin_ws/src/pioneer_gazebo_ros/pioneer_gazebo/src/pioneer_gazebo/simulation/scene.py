@@ -97,10 +97,10 @@ class Scene:
         rows = [(*pose.position[:2], heading(pose.rotation)) for pose in poses]
         self.tick, self._poses = tick, np.array(rows).reshape(-1, 3)
 
-    def ranges(
+    def distances(
         self, sensor: Pose, mounted: Mounted, own: int, seen: Sequence[Seen]
     ) -> NDArray[np.float64]:
-        """Returns a scan's ranges [m]; the array is overwritten by the laser's next scan.
+        """Returns a scan's true distances [m]; the array is overwritten by the laser's next scan.
 
         Args:
             sensor: pose in the world.
@@ -111,7 +111,7 @@ class Scene:
         x, y, height = sensor.position
         layer = round(height / LAYER)
         around = (self._walls_at(layer), self._movers_at(layer, seen), self._poses)
-        return mounted.laser.ranges(*around, own, Sensor(x, y, heading(sensor.rotation)))
+        return mounted.laser.distances(*around, own, Sensor(x, y, heading(sensor.rotation)))
 
 
 def outline_of(body: Body, height: float, triangles: Triangles) -> NDArray[np.float64]:

@@ -6,13 +6,14 @@ the current tick by less than a step, and commands take effect from the next ste
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pioneer_gazebo.body.body import Body, body_from_model, body_from_robot
 from pioneer_gazebo.error import ModelError, SimulatorError
-from pioneer_gazebo.laser.laser import generator_for
+from pioneer_gazebo.noise import Noise
 from pioneer_gazebo.physics import bound
 from pioneer_gazebo.physics.engine import STILL, Contact, Engine, Physics, Velocity
 from pioneer_gazebo.simulation.actor import Actors, Wrench, Wrenches
@@ -26,6 +27,7 @@ from pioneer_gazebo.simulation.entity import (
     Mounted,
     control,
     equip,
+    noise_of,
 )
 from pioneer_gazebo.simulation.motion import (
     JointState,
@@ -40,7 +42,7 @@ from pioneer_gazebo.simulation.spot import added
 from pioneer_gazebo.simulation.standing import Standing
 from pioneer_gazebo.world.model import Model, World
 from pioneer_gazebo.world.pose import Pose, Vector, between, rotated
-from pioneer_gazebo.world.robot import Robot
+from pioneer_gazebo.world.robot import Device, Robot
 from pioneer_gazebo.world.section import Triangles
 
 LONGEST_NAME = 200
@@ -271,7 +273,7 @@ class Simulation:
     def _step(self) -> None:
         step = self.physics.step
         now = Moment(self.epoch, self._stepped)
-        self._wrenches.push(self._stepped)
+        self._wrenches.push(self._stepped, self._stepped + self._period)
         for entity in self._entities.values():
             control(self._engine, entity, now, step)
         self._actors.lead(self._stepped + self._period, step)
@@ -436,6 +438,10 @@ class Simulation:
 
     def ranges(self, entity: Entity, mounted: Mounted) -> NDArray[np.float64]:
         """Returns a scan's ranges [m]; the array is overwritten by the laser's next scan."""
+        return mounted.laser.measured(self._distances(entity, mounted), self.tick)
+
+    def _distances(self, entity: Entity, mounted: Mounted) -> NDArray[np.float64]:
+        """Returns the true distance along each beam [m]."""
         base = self.part_pose(entity, mounted.part)
         swinging = [(one, self.part_pose(one.entity, one.part)) for one in self._scene.swinging]
         seen = [
@@ -445,12 +451,15 @@ class Simulation:
         if self._scene.tick != self.tick:
             poses = [self.pose(other) for other in self._entities.values()]
             self._scene.update(self.tick, [*poses, *(pose for _, pose in swinging)])
-        return self._scene.ranges(base.compose(mounted.pose), mounted, entity.number, seen)
+        return self._scene.distances(base.compose(mounted.pose), mounted, entity.number, seen)
 
     def distance(self, entity: Entity, mounted: Mounted) -> float:
         """Returns a sonar's reading [m]: the distance to the nearest hit in its cone, within its limits."""
-        nearest = float(self.ranges(entity, mounted).min())
-        return min(max(nearest, mounted.device.min_range), mounted.device.max_range)
+        return mounted.laser.nearest(self._distances(entity, mounted), self.tick)
+
+    def noise(self, entity: Entity, device: Device) -> Noise:
+        """Returns the noise of a robot's device."""
+        return noise_of(entity, device, self._seed)
 
     # Actions.
 
@@ -491,9 +500,10 @@ class Simulation:
         self._scene.outdate()
 
     def push(self, wrench: Wrench) -> None:
-        """Applies a wrench for its duration; raises BoundError if it is out of bounds."""
+        """Applies a wrench for its duration, from the next step on; raises BoundError if it is out of bounds."""
         bound.check_wrench(wrench.force, wrench.torque, wrench.point)
-        self._wrenches.add(wrench)
+        late = max(0.0, self._stepped - wrench.first)
+        self._wrenches.add(replace(wrench, first=wrench.first + late, last=wrench.last + late))
 
     def clear_pushes(self, entity: Entity, part: int) -> None:
         """Ends all wrenches on a part."""
@@ -517,7 +527,7 @@ class Simulation:
                 mover.reset()
 
     def reset(self) -> None:
-        """Does `reset_poses`, and resets time, noise and collision counts."""
+        """Does `reset_poses`, and resets time, with it noise, and collision counts."""
         self.tick = self._stepped = self._inspected = 0
         self.reset_poses()
         self._part = 1.0
@@ -527,9 +537,5 @@ class Simulation:
             entity.seen = 0
             entity.earlier = None
             entity.collisions = CollisionCounter()
-            for mounted in (*entity.lasers, *entity.sonars):
-                mounted.laser.reseed(
-                    generator_for(self._seed, entity.name, mounted.laser.config.name)
-                )
         # Last: a thread that reads the new epoch reads the new time, too.
         self.epoch += 1

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, Image, JointState, LaserScan, PointCloud2, PointField, Range
 
+from pioneer_gazebo.laser.laser import Laser
 from pioneer_gazebo.ros.messages import Stamped
 from pioneer_gazebo.sensors.camera import Depth, Picture, intrinsics_of
 from pioneer_gazebo.world.robot import Camera, LaserSensor, SonarSensor
@@ -15,10 +16,10 @@ from pioneer_gazebo.world.robot import Camera, LaserSensor, SonarSensor
 class ScanTemplate(Stamped):
     """sensor_msgs/LaserScan without intensities."""
 
-    def __init__(self, config: LaserSensor, frame: str, increment: float) -> None:
-        """Takes the laser's settings, the frame id and the angle between beams [rad]."""
+    def __init__(self, config: LaserSensor, frame: str, laser: Laser) -> None:
+        """Takes the laser's settings, the frame id and its beams."""
         message = LaserScan(
-            angle_min=config.min_angle, angle_max=config.max_angle, angle_increment=increment
+            angle_min=laser.first, angle_max=laser.last, angle_increment=laser.increment
         )
         message.header.frame_id = frame
         message.range_min, message.range_max = config.min_range, config.max_range

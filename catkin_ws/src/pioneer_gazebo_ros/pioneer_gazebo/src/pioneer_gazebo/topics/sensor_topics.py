@@ -24,7 +24,6 @@ from sensor_msgs.msg import (
 from sensor_msgs.msg import Imu as ImuMessage
 from std_msgs.msg import Bool, Float32, Float64, Int8
 
-from pioneer_gazebo.laser.laser import generator_for
 from pioneer_gazebo.physics.engine import Contact
 from pioneer_gazebo.ros import messages
 from pioneer_gazebo.ros.topic import Topic
@@ -51,9 +50,7 @@ from pioneer_node.core.frame import stripped
 def laser_topics(port: Port, config: LaserSensor) -> None:
     """Publishes a laser's scans (LaserScan)."""
     mounted = port.entity.mounted(config)
-    template = sensor_messages.ScanTemplate(
-        config, port.frame(config.frame), mounted.laser.increment
-    )
+    template = sensor_messages.ScanTemplate(config, port.frame(config.frame), mounted.laser)
 
     def frame(time: int) -> bytearray:
         return template.fill(time, port.simulation.ranges(port.entity, mounted))
@@ -144,7 +141,7 @@ def camera_topics(port: Port, config: Camera) -> None:
     rendering takes too much time, images are dropped (`Budget`).
     """
     simulation, frame = port.simulation, port.frame(config.frame)
-    noise = generator_for(0, port.entity.name, config.name)
+    noise = simulation.noise(port.entity, config)
     image = port.topic(f"{config.name}/{config.image_topic}", Image)
     info = port.topic(f"{config.name}/{config.info_topic}", CameraInfo)
     intrinsics = sensor_messages.info_of(config)
@@ -167,7 +164,7 @@ def camera_topics(port: Port, config: Camera) -> None:
             picture, far = port.context.renderer().picture(
                 config, eye, simulation.standing.values(), moving
             )
-            seen = noisy(picture, config.noise_stddev, noise)
+            seen = noisy(picture, config.noise_stddev, noise.at(tick))
             send(image, tick, lambda: sensor_messages.image_of(seen, config))
             send(depth, tick, lambda: sensor_messages.depth_of(far))
             send(cloud, tick, lambda: sensor_messages.cloud_of(points_of(far, config)))

@@ -44,6 +44,11 @@ def added(a: Vector, b: Vector) -> Vector:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
+def scaled(a: Vector, factor: float) -> Vector:
+    """Returns the vector times a number."""
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
 def opposite(a: Vector) -> Vector:
     """Returns the negated vector."""
     return -a[0], -a[1], -a[2]

@@ -141,7 +141,6 @@ class LaserSensor(LinkSensor):
     max_angle: float = 1.5707963267948966
     min_range: float = 0.1  #: minimum reported distance [m]
     max_range: float = 30.0  #: maximum reported distance [m]
-    resolution: float = 0.0  #: range resolution [m]; 0 for none
     noise_mean: float = 0.0  #: mean of the Gaussian noise [m]
     noise_stddev: float = 0.0  #: standard deviation of the Gaussian noise [m]
     topic: str = "base_scan"  #: relative to the robot's namespace

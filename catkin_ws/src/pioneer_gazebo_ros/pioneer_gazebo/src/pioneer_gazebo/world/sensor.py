@@ -73,8 +73,8 @@ def _common(element: Element, link: str) -> dict[str, Any]:
     }
 
 
-def _ray(element: Element) -> tuple[Element, Element, dict[str, Any]]:
-    """Returns ``<horizontal>``, ``<range>`` and the settings common to all ray sensors."""
+def _ray(element: Element) -> tuple[Element, dict[str, Any]]:
+    """Returns ``<horizontal>`` and the settings common to all ray sensors."""
     ray = element.needed("ray")
     horizontal = ray.needed("scan").needed("horizontal")
     reach = ray.needed("range")
@@ -84,11 +84,11 @@ def _ray(element: Element) -> tuple[Element, Element, dict[str, Any]]:
     samples = horizontal.integer("samples")
     if samples < 1:
         raise horizontal.needed("samples").error(f"must be 1 or more, not {samples}")
-    return horizontal, reach, {"samples": samples, "min_range": near, "max_range": far}
+    return horizontal, {"samples": samples, "min_range": near, "max_range": far}
 
 
 def _laser(element: Element, plugin: Element, link: str) -> LaserSensor:
-    horizontal, reach, shared = _ray(element)
+    horizontal, shared = _ray(element)
     lowest, highest = horizontal.number("min_angle"), horizontal.number("max_angle")
     if lowest > highest:
         raise horizontal.error(f"min_angle {lowest:g} is above max_angle {highest:g}")
@@ -97,7 +97,6 @@ def _laser(element: Element, plugin: Element, link: str) -> LaserSensor:
         **shared,
         min_angle=lowest,
         max_angle=highest,
-        resolution=reach.number("resolution", 0.0),
         noise_mean=element.number("ray/noise/mean", 0.0),
         noise_stddev=element.number("ray/noise/stddev", 0.0),
         topic=plugin.word("topicName", _remapped(plugin) or "base_scan"),
@@ -113,7 +112,7 @@ def _remapped(plugin: Element) -> str:
 
 
 def _sonar(element: Element, plugin: Element, link: str) -> SonarSensor:
-    horizontal, _, shared = _ray(element)
+    horizontal, shared = _ray(element)
     common = _common(element, link)
     common["update_rate"] = plugin.number("updateRate", common["update_rate"])
     opening = horizontal.number("max_angle") - horizontal.number("min_angle")
