@@ -14,6 +14,16 @@ def test_a_killed_node_is_found_with_its_status_and_log():
     ]
 
 
+def test_the_death_of_a_required_node_or_a_master_names_it():
+    text = (
+        "\x1b[31m====REQUIRED process [gateway-2] has died!\n"
+        "process has died [pid 42, exit code -9, cmd /ws/gateway.py].\n"
+        "log file: /log/gateway-2*.log\nInitiating shutdown!\n====\x1b[0m\n"
+    )
+    assert node_deaths(text) == [NodeDeath("gateway", 42, -9, "/log/gateway-2*.log")]
+    assert node_deaths(text.replace("gateway-2", "master"))[0].name == "master"
+
+
 def test_nodes_that_finish_cleanly_are_no_deaths():
     assert (
         node_deaths("[spawn_pioneer1-3] process has finished cleanly\nlog file: /log/spawn*.log\n")

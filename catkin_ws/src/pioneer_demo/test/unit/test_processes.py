@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from pioneer_demo.processes import processes
+from pioneer_demo.processes.command import Command, restarted_together, started_again
 from pioneer_demo.processes.processes import FleetProcesses
 from pioneer_demo.scenario.option import DemoConfig, FleetConfig
 from pioneer_harness.error import ProcessDiedError
@@ -49,6 +50,43 @@ def test_a_node_that_stays_dead_ends_a_fleet_whatever_another_masters_node_of_it
             running.check()
 
 
+def test_a_node_that_stays_dead_costs_its_robots_computer_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(processes, "_RESTART", 0.0)
+    config = FleetConfig(robots=2, log=tmp_path)
+    text = DIED.format("pioneer1/pioneer_ros", "pioneer_ros")
+    with fleet(tmp_path, config, **{"navigation-of-pioneer1.log": text}) as running:
+        assert running.check() == []
+        assert list(running.lost_computers) == ["navigation of pioneer1"]
+        reason = running.lost_computers["navigation of pioneer1"]
+        assert reason == "pioneer1/pioneer_ros (pid 42) has died, killed by SIGKILL"
+        with pytest.raises(ProcessDiedError, match="killed by SIGKILL"):
+            running.check(starting=True)
+
+
+def test_a_robots_computer_starts_again_as_a_whole_and_the_base_station_ends_the_fleet() -> None:
+    config = FleetConfig(robots=2)
+    computer = ["aadi1_gateway", "navigation of pioneer1"]
+    assert restarted_together(config, "aadi1_gateway") == computer
+    assert restarted_together(config, "navigation of pioneer1") == computer
+    assert restarted_together(config, "hub") == ["hub"]
+    assert restarted_together(config, "Hub_Gateway") == []
+    assert restarted_together(config, "simulator") == []
+    assert restarted_together(DemoConfig(), "hub") == []
+    for watcher in ("fleet page", "recorder"):
+        assert restarted_together(DemoConfig(), watcher) == [watcher]
+
+
+def test_a_recorder_that_starts_again_keeps_the_file_of_the_last_one(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    ended = Command("recorder", ("python3", "-m", "recorder", str(path), "a=b"), {})
+    (tmp_path / "run-2.mcap").touch()
+    again = ("python3", "-m", "recorder", str(tmp_path / "run-3.mcap"), "a=b")
+    assert started_again(ended).argv == again
+    assert started_again(Command("hub", ("x",), {})).argv == ("x",)
+
+
 def test_a_node_that_keeps_dying_is_named_once_with_its_last_lines_and_the_fleet_continues(
     tmp_path: Path,
 ) -> None:
@@ -71,7 +109,7 @@ def test_a_node_that_keeps_dying_is_named_once_with_its_last_lines_and_the_fleet
             assert all("~odom_model_type must be" in line for line in lines)
             (fault,) = running.faults()
             assert (
-                f"{count} times so far, exit code -9: [rosout][FATAL]: ~odom_model_type must be"
+                f"{count} times so far, killed by SIGKILL: [rosout][FATAL]: ~odom_model_type must be"
                 in fault
             )
 

@@ -1,8 +1,10 @@
 """The tutorial's commands, adapted to run in parallel on one machine."""
 
 import dataclasses
+import itertools
 import shlex
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from pioneer_demo.scenario.option import FleetConfig
@@ -10,6 +12,9 @@ from pioneer_node.core.fleet_file import RobotEntry
 
 HUB_MASTER, HUB_GATEWAY_MASTER, FIRST_ROBOT_MASTER, HUB = 11311, 11312, 11313, 6380
 HUB_COMMAND, HUB_GATEWAY_COMMAND = "hub", "Hub_Gateway"
+PAGE_COMMAND, RECORDER_COMMAND = "fleet page", "recorder"
+WATCHERS = (PAGE_COMMAND, RECORDER_COMMAND)
+"""Commands that only watch the fleet: robots drive on without them."""
 PAGE = 8090
 _LOOPBACK = "127.0.0.1"
 FLEET, ROBOT_PARAMETERS, SIMULATOR_PARAMETERS = (
@@ -95,7 +100,7 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
         Command("simulator", simulator, base),
     ]
     if config.web:
-        masters = " ".join(_named_masters(ports))
+        masters = " ".join(named_masters(ports))
         page = (
             "rosrun",
             "pioneer_web",
@@ -103,7 +108,7 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
             f"_port:={ports.page}",
             f"_masters:={masters}",
         )
-        found.append(Command("fleet page", page, {**base, "PIONEER_WEB_TOKEN": config.token}))
+        found.append(Command(PAGE_COMMAND, page, {**base, "PIONEER_WEB_TOKEN": config.token}))
     navigation = (
         *("rosrun", "pioneer_gazebo", "run-pioneer-nav-local"),
         f"traffic:={str(config.traffic).lower()}",
@@ -130,15 +135,44 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
             "pioneer_fleet.recording.recorder",
             str(config.record.absolute()),
         )
-        found.append(Command("recorder", (*recorder, *_named_masters(ports)), {}))
+        found.append(Command(RECORDER_COMMAND, (*recorder, *named_masters(ports)), {}))
     return found
 
 
-def _named_masters(ports: Ports) -> list[str]:
-    """Returns NAME=URI of each master, for the page and the recorder."""
+def named_masters(ports: Ports) -> list[str]:
+    """Returns NAME=URI of each master."""
     named = [("hub", ports.hub_master), ("base", ports.hub_gateway_master)]
     named += [(f"aadi{number}", port) for number, port in enumerate(ports.robot_masters, 1)]
     return [f"{name}={master_uri(port)}" for name, port in named]
+
+
+def started_again(command: Command) -> Command:
+    """Returns the command that replaces one that has ended: a recorder writes NAME-2, NAME-3, …; its file stays."""
+    if command.name != RECORDER_COMMAND:
+        return command
+    *words, text = command.argv[:4]
+    path = Path(text)
+    others = (path.with_stem(f"{path.stem}-{number}") for number in itertools.count(2))
+    free = next(candidate for candidate in others if not candidate.exists())
+    return dataclasses.replace(command, argv=(*words, str(free), *command.argv[4:]))
+
+
+def restarted_together(config: FleetConfig, name: str) -> list[str]:
+    """Returns the commands that are started again when one of them ends; empty if its end is the fleet's.
+
+    A robot's computer starts again as a whole: its nodes are registered at a master that has ended with the command.
+    """
+    if name in WATCHERS:
+        return [name]
+    if not config.restarts_nodes or config.rings:
+        return []
+    if name == HUB_COMMAND:
+        return [name]
+    for robot in config.names:
+        together = on_computer(config, robot)
+        if name in together:
+            return together
+    return []
 
 
 def written_files(config: FleetConfig) -> dict[str, Any]:

@@ -2,12 +2,14 @@
 
 import dataclasses
 import re
+import signal
 from collections import deque
 from collections.abc import Hashable
 
 _COLOUR = re.compile(r"\x1b(\[[0-9;]*m|\]2;[^\x07]*\x07)")
 _DIED = re.compile(
-    r"^\[(?P<name>\S+?)(-\d+)?\] process has died(?: without exit code)? \[pid (?P<pid>-?\d+)"
+    r"^(?:\[(?P<name>\S+?)(-\d+)?\] |=*REQUIRED process \[(?P<required>\S+?)(-\d+)?\] has died!\n)"
+    r"process has died(?: without exit code)? \[pid (?P<pid>-?\d+)"
     r"(?:, exit code (?P<status>-?\d+))?.*$",
     re.MULTILINE,
 )
@@ -42,7 +44,12 @@ def node_deaths(text: str) -> list[NodeDeath]:
         log = _LOG.match(text[match.end() :])
         status = int(match["status"]) if match["status"] else None
         deaths.append(
-            NodeDeath(match["name"], int(match["pid"]), status, log["path"].strip() if log else "")
+            NodeDeath(
+                match["name"] or match["required"],
+                int(match["pid"]),
+                status,
+                log["path"].strip() if log else "",
+            )
         )
     return deaths
 
@@ -50,6 +57,13 @@ def node_deaths(text: str) -> list[NodeDeath]:
 def restarted_nodes(text: str) -> list[str]:
     """Returns the names of the nodes reported as respawned in a piece of roslaunch's output."""
     return [match["name"] for match in _RESTART.finditer(plain(text))]
+
+
+def ending(status: int) -> str:
+    """Returns how a process ended: its exit code, or the signal that ended it."""
+    if status < 0:
+        return f"killed by {signal.Signals(-status).name}"
+    return f"exit code {status}"
 
 
 @dataclasses.dataclass

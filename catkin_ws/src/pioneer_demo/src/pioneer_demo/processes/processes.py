@@ -1,5 +1,6 @@
 """Manages a fleet's processes: starts them on free ports, monitors, accounts for and ends them."""
 
+import contextlib
 import glob
 import os
 import re
@@ -9,11 +10,18 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from pioneer_demo.processes.command import Command, Ports, commands
+from pioneer_demo.processes.command import (
+    Command,
+    Ports,
+    commands,
+    restarted_together,
+    started_again,
+)
 from pioneer_demo.processes.kind import COMMAND, kind
 from pioneer_demo.processes.launch_log import (
     NodeDeath,
     Relapses,
+    ending,
     node_deaths,
     plain,
     restarted_nodes,
@@ -23,12 +31,15 @@ from pioneer_demo.scenario.option import FleetConfig
 from pioneer_harness.accounting import Account, Usage
 from pioneer_harness.error import ProcessDiedError
 from pioneer_harness.port import PortReservation
-from pioneer_harness.proc import arguments, descendants
-from pioneer_harness.process import ProcessGroup, last_lines
+from pioneer_harness.proc import arguments, descendants, has_variable
+from pioneer_harness.process import Death, ProcessGroup, last_lines
+from pioneer_harness.wait import wait_until
 
 # Python nodes work sequentially; BLAS threads would only compete with other processes.
 _SINGLE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 _LAST_GRACE = 3.0
+_KILLED = 10.0
+"""Time-out for the end of killed processes [s]."""
 _RESTART = 10.0
 """Time-out for roslaunch to respawn a node [s]: launch files set a respawn delay of 2 s."""
 _ERROR = re.compile(r"\b(FATAL|CRITICAL|ERROR|\w*Error)\b")
@@ -49,6 +60,8 @@ class FleetProcesses:
         self._pids: dict[str, int] = {}
         self._dead: dict[tuple[Path, str], tuple[float, str]] = {}
         self._relapses = Relapses()
+        #: commands with a node that died and did not start again, with the reason; the caller clears it
+        self.lost_computers: dict[str, str] = {}
 
     def start(self) -> None:
         """Starts all processes at once; they wait for each other.
@@ -74,7 +87,35 @@ class FleetProcesses:
         """Starts killed commands again."""
         for command in commands(self._config, self.ports):
             if command.name in names:
-                self._start(command)
+                log = self._log_of(command)
+                self._dead = {key: told for key, told in self._dead.items() if key[0] != log}
+                self._start(started_again(command))
+
+    def kill_computer(self, names: Sequence[str]) -> None:
+        """Kills what is left of commands that run on one computer, also nodes whose launcher has ended.
+
+        Raises:
+            WaitError: a process does not end.
+        """
+        self.kill(names)
+        masters = {
+            command.environment["ROS_MASTER_URI"]
+            for command in commands(self._config, self.ports)
+            if command.name in names and "ROS_MASTER_URI" in command.environment
+        }
+
+        def left() -> list[int]:
+            return [
+                state.pid
+                for state in self.group.states().values()
+                if state.alive
+                and any(has_variable(state.pid, "ROS_MASTER_URI", uri) for uri in masters)
+            ]
+
+        for pid in left():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        wait_until(lambda: not left(), "the end of killed processes", _KILLED)
 
     def freeze(self, name: str, frozen: bool) -> None:
         """Suspends (SIGSTOP) or resumes (SIGCONT) the gateway that a command has started."""
@@ -117,7 +158,6 @@ class FleetProcesses:
         Raises:
             ProcessDiedError: a process, or a node under roslaunch, has ended unexpectedly.
         """
-        self.group.check()
         lines = self._relapses.recovered(time.monotonic())
         for log in self._read:
             news = self._news(log)
@@ -133,11 +173,31 @@ class FleetProcesses:
                 if not self._relapses.fails((log, name)):
                     lines.append(f"{name} has died and is started again")
                 self._dead.pop((log, name), None)
+        self._check_group()
         patience = _RESTART if self._config.restarts_nodes else 0.0
-        for died, text in self._dead.values():
-            if time.monotonic() - died >= patience:
+        for (log, _), (died, text) in list(self._dead.items()):
+            if time.monotonic() - died < patience:
+                continue
+            command = self._command_of(log)
+            if starting or not restarted_together(self._config, command):
                 raise ProcessDiedError(text)
+            self.lost_computers[command] = text.partition("\n")[0]
         return lines
+
+    def _check_group(self) -> None:
+        """Raises ``ProcessDiedError`` if a command has ended; names its node that has died, if there is one."""
+        for death in self.group.deaths:
+            cause = self.cause(death)
+            raise ProcessDiedError(f"{death.headline}: {cause}" if cause else str(death))
+
+    def cause(self, death: Death) -> str:
+        """Returns which node's death has ended a command, with its last lines; empty if none has died."""
+        told = [text for (log, _), (_, text) in self._dead.items() if log == death.log]
+        return told[-1] if told else ""
+
+    def _command_of(self, log: Path) -> str:
+        every = commands(self._config, self.ports)
+        return next((command.name for command in every if self._log_of(command) == log), "")
 
     def faults(self) -> list[str]:
         """Returns a line for each node that keeps dying."""
@@ -199,7 +259,7 @@ def _told(death: NodeDeath, launch_log: Path) -> tuple[str, str]:
     ends = {
         path: last_lines(path) for path in [*map(Path, sorted(glob.glob(death.log))), launch_log]
     }
-    how = "" if death.status is None else f", exit code {death.status}"
+    how = "" if death.status is None else f", {ending(death.status)}"
     text = "\n".join(
         f"  the last lines of {path}:\n{lines}" for path, lines in ends.items() if lines
     )

@@ -19,20 +19,28 @@ from pioneer_demo.observer.flip import STATE, FlipRequest
 from pioneer_demo.observer.node import ObserverNode
 from pioneer_demo.observer.recording import Recording
 from pioneer_demo.observer.track import RobotTrack
-from pioneer_demo.processes.command import master_uri
+from pioneer_demo.processes.command import (
+    WATCHERS,
+    commands,
+    master_uri,
+    named_masters,
+    on_computer,
+    restarted_together,
+)
 from pioneer_demo.processes.launch_log import Relapses
 from pioneer_demo.processes.processes import FleetProcesses
 from pioneer_demo.report.view import fleet_lines, fleet_status, guide
 from pioneer_demo.scenario.option import OBSERVER, FleetConfig
+from pioneer_fleet.monitor.hang_watch import HangWatch
 from pioneer_fleet.registry import Entry, RegistryError
+from pioneer_harness.error import ProcessDiedError
 from pioneer_harness.masters import is_running
+from pioneer_harness.process import Death, last_lines
 from pioneer_node.nodes.patch import keep_publisher_updates
 
 if TYPE_CHECKING:  # imported at run time by a lockstep demo only
     from pioneer_demo.run.course import Course
 
-WATCHERS = frozenset(["fleet page"])
-"""Commands that only watch the fleet: robots drive on without them, so they are started again."""
 _LOOK = 0.05
 _SAMPLE = 1.0
 _START_UP, _START_UP_PER_ROBOT = 90.0, 20.0
@@ -50,7 +58,10 @@ class FleetRun:
         """Takes ``processes`` that are already started; ``stop`` ends them."""
         #: processes: the fleet's processes
         self.processes, self.watch = processes, watch
-        processes.group.restartable = WATCHERS
+        every = commands(config, processes.ports)
+        processes.group.restartable = frozenset(
+            command.name for command in every if restarted_together(config, command.name)
+        )
         self._relapses = Relapses()
         self._lost: list[str] = []
         self.fleet = Fleet(list(map(RobotTrack, config.names)))  #: its state; guarded by ``lock``
@@ -66,6 +77,7 @@ class FleetRun:
         self._entry = _entry()
         self._started = time.time()
         self._step, self._sampled = 0, 0.0
+        self._hangs = HangWatch(named_masters(processes.ports))
         self._phase = "starting"
 
     def start(
@@ -158,8 +170,10 @@ class FleetRun:
     def look(self, lines: Callable[[Fleet], list[str]] | None, phase: str) -> None:
         """One iteration of every main loop: checks for shutdown, shows and publishes the state, then waits briefly."""
         self._interrupt.check()
-        self._restart_watchers()
         for line in self.processes.check(starting=bool(self._step)):
+            self.display.say(line)
+        self._restart_commands()
+        for line in self._hangs.news():
             self.display.say(line)
         if lines:
             self.display.show(functools.partial(self._text, lines), phase)
@@ -170,23 +184,55 @@ class FleetRun:
         with changed:
             changed.wait(_LOOK)
 
-    def _restart_watchers(self) -> None:
-        """Starts processes that only watch the fleet again when they die, unless they keep dying."""
+    def _restart_commands(self) -> None:
+        """Starts commands that have ended again, unless they keep dying, each with those of its computer.
+
+        Raises:
+            ProcessDiedError: a robot's computer or the hub ends while the fleet starts, or keeps dying.
+        """
+        lost = self.processes.lost_computers
+        self.processes.lost_computers = {}
         for death in self.processes.group.take_restartable_deaths():
-            if self._relapses.died(death.name, death.name, death.headline, time.monotonic()):
-                self._lost.append(
-                    f"{death.name} keeps dying and is not started again: {death.headline}"
-                )
-                self.display.say(f"{death}\n{self._lost[-1]}")
+            cause = self.processes.cause(death)
+            first = (cause or _last_line(death)).partition("\n")[0]
+            lost[death.name] = f"{death.headline}: {first}" if first else death.headline
+            if death.name not in WATCHERS and self._step:
+                raise ProcessDiedError(f"{death}\n{cause}" if cause else str(death))
+        restarted = set[str]()
+        for name, reason in lost.items():
+            together = restarted_together(self._config, name)
+            if name in restarted:
+                continue
+            restarted.update(together)
+            if self._relapses.died(together[0], name, reason, time.monotonic()):
+                text = f"{name} keeps dying and is not started again: {reason}"
+                if name not in WATCHERS:
+                    raise ProcessDiedError(text)
+                self._lost.append(text)
+                self.display.say(text)
             else:
-                self.display.say(f"{death.headline} and is started again")
-                self.processes.restart([death.name])
+                self._restart(name, together, reason)
+
+    def _restart(self, name: str, together: Sequence[str], reason: str) -> None:
+        robots = [robot for robot in self._config.names if name in on_computer(self._config, robot)]
+        if not robots:
+            self.display.say(f"{reason} and is started again")
+        for robot in robots:
+            self.display.say(
+                f"{reason}; {robot}'s computer is started again, its waypoints must be sent again"
+            )
+            with self.lock:
+                self.fleet.robots[self._config.names.index(robot)].monitor.queue = None
+        if name not in WATCHERS:
+            self.processes.kill_computer(together)
+        self.processes.restart(together)
 
     def _faults(self) -> list[str]:
-        return [*self.processes.faults(), *self._lost]
+        return [*self.processes.faults(), *self._lost, *self._hangs.faults()]
 
     def stop(self, in_order: bool) -> tuple[str, ...]:
         """Ends everything, with a short grace period unless ``in_order``; returns command lines of killed processes."""
+        self._hangs.close()
         if self._flips is not None:
             self._flips.cancel()
         if self.observer is not None:
@@ -249,6 +295,13 @@ class FleetRun:
         if self._entry is not None:
             self._entry.write({**status, "started": self._started})
         self._sampled = time.monotonic()
+
+
+def _last_line(death: Death) -> str:
+    """Returns the last line that a command has printed, if it has ended by itself with an error."""
+    if death.log is None or death.status <= 0:
+        return ""
+    return last_lines(death.log, 1).strip()
 
 
 def _entry() -> Entry | None:
