@@ -2,6 +2,7 @@
 
 import xmlrpc.client
 from dataclasses import dataclass
+from typing import Any
 from xml.parsers.expat import ExpatError
 
 from tcpros.error import TcprosError
@@ -19,6 +20,27 @@ NONSENSE = (
     AttributeError,
 )
 """Exceptions raised when parsing invalid XML-RPC, or when unpacking a response of an unexpected form."""
+
+
+class _Parser(xmlrpc.client.ExpatParser):
+    """Refuses documents that declare a type: XML-RPC has none, and entities declared there expand to gigabytes."""
+
+    def __init__(self, target: xmlrpc.client.Unmarshaller) -> None:
+        super().__init__(target)
+        self._parser.StartDoctypeDeclHandler = _refuse_doctype  # type: ignore[attr-defined]
+
+
+def _refuse_doctype(*_: object) -> None:
+    raise ValueError("a document type")
+
+
+def xmlrpc_values(body: bytes) -> tuple[tuple[Any, ...], str | None]:
+    """Returns the values of an XML-RPC request or response, and the method's name; raises one of `NONSENSE`."""
+    unmarshaller = xmlrpc.client.Unmarshaller()
+    parser = _Parser(unmarshaller)
+    parser.feed(body)
+    parser.close()
+    return unmarshaller.close(), unmarshaller.getmethodname()
 
 
 class HttpError(TcprosError):

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from tcpros.error import TcprosError
-from tcpros.http import NONSENSE
+from tcpros.http import NONSENSE, xmlrpc_values
 from tcpros.topic_source import TopicSource
 
 Answer = tuple[int, str, Any]
@@ -74,7 +74,7 @@ class SlaveApi:
             SlaveApiError: the request is not an XML-RPC call.
         """
         try:
-            arguments, method = xmlrpc.client.loads(request)  # type: ignore[arg-type]
+            arguments, method = xmlrpc_values(request)
         except NONSENSE:
             raise SlaveApiError("no XML-RPC call") from None
         function = self._methods.get(method or "")

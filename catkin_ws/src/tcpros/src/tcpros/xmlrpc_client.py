@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 from tcpros.dialled_stream import DialledStream
 from tcpros.error import TcprosError
-from tcpros.http import NONSENSE, http_message, http_request
+from tcpros.http import NONSENSE, http_message, http_request, xmlrpc_values
 from tcpros.reactor import Reactor
 from tcpros.resolver import Resolver
 
@@ -115,7 +115,7 @@ class Server:
             failed(NoAnswer(f"{self.uri}: {reason}"))
             return
         try:
-            (answer,), _ = xmlrpc.client.loads(body)  # type: ignore[arg-type]
+            (answer,), _ = xmlrpc_values(body)
             status, text, value = answer
         except NONSENSE as error:
             failed(f"{self.uri} answered nonsense: {error}")

@@ -4,7 +4,7 @@ import pytest
 
 from rocon_gateway.error import RequestError
 from rocon_gateway.rules.matching import ALL
-from rocon_gateway.rules.rulebook import RuleBook, check_gateway
+from rocon_gateway.rules.rulebook import MOST_RULES, RuleBook, check_gateway
 from rocon_hub_protocol.code import Code
 from rocon_hub_protocol.rule import Kind, RemoteRule, Rule
 
@@ -121,3 +121,19 @@ def test_a_plain_name_on_the_blacklist_is_refused_with_the_rule() -> None:
     )
     assert book.added("flip", [remote(Rule(Kind.SUBSCRIBER, "/rosout"))]).flips.rules
     assert book.added("flip", [remote(Rule(Kind.PUBLISHER, ALL))]).flips.rules
+
+
+def test_the_number_of_rules_is_limited() -> None:
+    """Each rule costs memory and a row of `~rules`, and any client of the master can add some."""
+    book = RuleBook("base")
+    many = [RemoteRule("robot", Rule(Kind.PUBLISHER, f"/t{n}")) for n in range(MOST_RULES)]
+    rules = [remote.rule for remote in many]
+    for action in ("flip", "pull"):
+        full = book.added(action, many)
+        with pytest.raises(RequestError, match="cancel some first"):
+            full.added(action, [RemoteRule("other", rules[0])])
+        with pytest.raises(RequestError, match="cancel some first"):
+            full.with_all(action, "other", ())
+        assert full.without(action, "robot").added(action, many[:1])
+    with pytest.raises(RequestError, match="cancel some first"):
+        book.advertised(rules).advertised([Rule(Kind.SERVICE, "/s")])

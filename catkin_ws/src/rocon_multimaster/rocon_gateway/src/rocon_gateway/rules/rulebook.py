@@ -1,6 +1,6 @@
 """All rules of a gateway as one immutable value. Every change returns a new value or raises, so requests are atomic."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, replace
 
 from rocon_gateway.error import RequestError
@@ -14,6 +14,9 @@ from rocon_gateway.rules.matching import (
 )
 from rocon_hub_protocol.code import Code
 from rocon_hub_protocol.rule import CONNECTIONS, Connection, Kind, RemoteRule, Rule
+
+MOST_RULES = 4096
+"""Maximum number of advertisements, of flips and of pulls: any client of the ROS master can add some."""
 
 _EXISTS = {"flip": Code.FLIP_RULE_ALREADY_EXISTS, "pull": Code.PULL_RULE_ALREADY_EXISTS}
 
@@ -69,6 +72,7 @@ class RuleBook:
             _check_parameter(rule, Code.UNKNOWN_ADVERTISEMENT_ERROR)
             self._refuse_blacklisted(rule, Code.UNKNOWN_ADVERTISEMENT_ERROR)
             known.append(rule)
+        _check_number(known, "advertisements")
         return replace(self, advertisements=replace(self.advertisements, rules=tuple(known)))
 
     def unadvertised(self, rules: Iterable[Rule]) -> "RuleBook":
@@ -118,6 +122,7 @@ class RuleBook:
             if remote in known:
                 raise RequestError(_EXISTS[action], f"this {action} rule exists already: {remote}")
             known.append(remote)
+        _check_number(known, f"{action} rules")
         return self._with_targets(action, Targets(tuple(known), targets.everything))
 
     def removed(self, action: str, remotes: Iterable[RemoteRule]) -> "RuleBook":
@@ -150,6 +155,7 @@ class RuleBook:
             (*emptied.rules, *(RemoteRule(gateway, Rule(kind, ALL)) for kind in CONNECTIONS)),
             (*emptied.everything, (gateway, _unique(blacklist))),
         )
+        _check_number(added.rules, f"{action} rules")
         return self._with_targets(action, added)
 
     def without(self, action: str, gateway: str) -> "RuleBook":
@@ -202,6 +208,14 @@ def _check_parameter(rule: Rule, code: Code) -> None:
     if rule.kind == Kind.PARAMETER and (rule.node or not is_literal(rule.name)):
         raise RequestError(
             code, f"a parameter is given by its plain name, without node, not as '{rule}'"
+        )
+
+
+def _check_number(rules: Collection[object], what: str) -> None:
+    """Raises RequestError if a list of rules is too long."""
+    if len(rules) > MOST_RULES:
+        raise RequestError(
+            Code.HUB_UNKNOWN_ERROR, f"a gateway may have {MOST_RULES} {what}: cancel some first"
         )
 
 
