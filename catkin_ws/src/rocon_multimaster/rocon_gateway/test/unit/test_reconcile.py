@@ -171,9 +171,18 @@ def test_a_flip_alls_own_blacklist_bars_only_there() -> None:
     assert [one.name for one in hub.outcome.advertised] == ["/a"]
 
 
-def test_types_that_differ_are_reported_and_not_connected() -> None:
+def test_a_subscriber_of_another_type_bars_no_topic() -> None:
+    """A master lists one type per topic, and a subscriber's stays even after the subscriber has ended."""
     hub = gateway("hub", publisher("/a", kind="std_msgs/Int32"))
     robot = gateway("robot", subscriber("/a"))
+    hub.book = hub.book.added("flip", [to("robot", Kind.PUBLISHER, "/a")])
+    fleet_of(hub, robot)
+    assert robot.imported() == {("/a", "hub", "/talker")}
+
+
+def test_types_of_publishers_that_differ_are_reported_and_not_connected() -> None:
+    hub = gateway("hub", publisher("/a", kind="std_msgs/Int32"))
+    robot = gateway("robot", publisher("/a", "/other"), subscriber("/a"))
     robot.book = robot.book.added("flip", [to("hub", Kind.SUBSCRIBER, "/a")])
     hub.book = hub.book.added("flip", [to("robot", Kind.PUBLISHER, "/a")])
     fleet_of(hub, robot)

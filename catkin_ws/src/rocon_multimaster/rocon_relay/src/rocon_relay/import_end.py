@@ -18,6 +18,9 @@ from tcpros.header import header_bytes
 from tcpros.node_port import Ended, RefusedError
 from tcpros.stream import Stream
 
+MAX_REPORTED = 64
+"""Number of subscribers of another type that are remembered, so that each is logged once only."""
+
 
 class ImportEnd(StandingImport):
     """One import and its proxy's topic, from the first connection attempt to the last unregistration.
@@ -43,6 +46,7 @@ class ImportEnd(StandingImport):
         self._inflater: Inflater | None = None
         self._saved = 0
         self._limit = ""
+        self._reported_mismatches: dict[tuple[str, str], None] = {}
 
     @property
     def type(self) -> str:
@@ -169,6 +173,7 @@ class ImportEnd(StandingImport):
         for subscriber, asked in pending.items():
             refusal = self._serve(subscriber, asked)
             if refusal:
+                self._report_mismatch(asked.get("callerid", ""), refusal)
                 subscriber.finish(header_bytes({"error": refusal}))
 
     def refusal(self, name: str) -> str:
@@ -184,7 +189,10 @@ class ImportEnd(StandingImport):
     def admit(self, subscriber: Stream, fields: Mapping[str, str]) -> Ended:
         """Accepts a subscriber with its connection header. Raises RefusedError."""
         name = fields.get("callerid", "")
-        if refusal := self.refusal(name) or self._subscribe(subscriber, fields):
+        if refusal := self.refusal(name):
+            raise RefusedError(refusal)
+        if refusal := self._subscribe(subscriber, fields):
+            self._report_mismatch(name, refusal)
             raise RefusedError(refusal)
         self.subscribers[subscriber] = name
         return lambda _reason: self._unsubscribe(subscriber)
@@ -194,14 +202,26 @@ class ImportEnd(StandingImport):
         self._context.bound(subscriber.backlog, self.wanted.options)
         if self._source is not None:
             return self._serve(subscriber, fields)
-        wrong = mismatch(
-            fields.get("type", ANY), fields.get("md5sum", ANY), self.wanted.type, self.wanted.md5sum
-        )
-        if wrong:
-            return wrong
+        # The type that the far master lists may be out of date; the publisher's header decides.
         self._pending[subscriber] = fields
         self._want(True)
         return ""
+
+    def _report_mismatch(self, subscriber: str, difference: str) -> None:
+        """Logs, once per subscriber and difference, that its type is not the publisher's."""
+        key = subscriber, difference
+        if key in self._reported_mismatches:
+            return
+        self._reported_mismatches[key] = None
+        if len(self._reported_mismatches) > MAX_REPORTED:
+            del self._reported_mismatches[next(iter(self._reported_mismatches))]
+        self._context.logger.warning(
+            "type mismatch: %s gets no %s of %s: %s",
+            subscriber,
+            self.wanted.topic,
+            self.wanted.proxy,
+            difference,
+        )
 
     def _unsubscribe(self, subscriber: Stream) -> None:
         del self.subscribers[subscriber]

@@ -33,7 +33,12 @@ class Decision:
     def __init__(self, situation: Situation) -> None:
         self._situation = situation
         self._name = situation.book.name
-        self._types = {one.name: one.type for one in situation.local if one.type != ANY}
+        # A master lists one type per topic, and a subscriber may have set it. Only a publisher's
+        # type counts: a subscriber of another type is refused alone.
+        self._published_types: dict[str, str] = {}
+        for connection in situation.local:
+            if connection.kind == Kind.PUBLISHER and connection.type != ANY:
+                self._published_types[connection.name] = connection.type
         self._nodes_here = {one.node for one in situation.local}
         self._servers_here = {
             one.name: one.node for one in situation.local if one.kind == Kind.SERVICE
@@ -119,7 +124,7 @@ class Decision:
         self, gateway: str, other: Remote, connection: Connection, nodes: str
     ) -> PendingVerdict:
         """Imports a remote publisher for the nodes that match `nodes` (empty: any); returns its pending verdict."""
-        here = self._types.get(connection.name, ANY)
+        here = self._published_types.get(connection.name, ANY)
         if ANY not in (here, connection.type) and here != connection.type:
             return always(
                 verdict.mismatch(connection.name, {self._name: here, gateway: connection.type})
