@@ -6,6 +6,7 @@ the rest of a rospy node: name resolution, parameters, ROS time, ``/rosout``.
 
 import struct
 import threading
+from collections import Counter
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
@@ -42,6 +43,7 @@ class Publication:
         self.type = kind._type  #: its message type
         self.subscribers: dict[Stream, str] = {}  #: subscriber names by connection
         self._md5sum = kind._md5sum
+        self._latching = latching
         self._fanout = Fanout(MAX_MESSAGE)
         self._fanout.begin(latching)
         self._header = header_bytes(
@@ -54,6 +56,10 @@ class Publication:
                 "type": kind._type,
             }
         )
+
+    def is_like(self, kind: Any, latching: bool) -> bool:
+        """Returns whether another publication with these arguments would be the same."""
+        return self._md5sum == kind._md5sum and self._latching == latching
 
     def refusal(self, name: str) -> str:
         """Returns "": every node may subscribe."""
@@ -170,6 +176,7 @@ class Node:
         self._context = context
         self._shut_down = shut_down
         self._published: dict[str, Publication] = {}
+        self._advertised = Counter[str]()  #: how often each topic is advertised
         self._subscribed: dict[str, TopicSource] = {}
         self._left: set[str] = set()
         self._withdrawn: set[str] = set()
@@ -187,13 +194,24 @@ class Node:
         self._port.open()
 
     def publish(self, topic: str, kind: Any, latching: bool = False) -> Publication:
-        """Advertises a topic, given its resolved name; returns the publication."""
+        """Advertises a topic, given its resolved name; returns the publication.
+
+        A topic that is advertised again in the same way has one publication, until it is withdrawn as often.
+        """
+        publication = self._published.get(topic)
+        self._advertised[topic] += 1
+        if publication is not None and publication.is_like(kind, latching):
+            return publication
         publication = self._published[topic] = Publication(self.name, topic, kind, latching)
         self._register("registerPublisher", topic, kind._type, self.uri)
         return publication
 
     def unpublish(self, topic: str) -> None:
-        """Withdraws a published topic."""
+        """Withdraws a published topic, once for each time that it was advertised."""
+        self._advertised[topic] -= 1
+        if self._advertised[topic] > 0:
+            return
+        del self._advertised[topic]
         self._published.pop(topic).close()
         self._withdrawn.add(topic)
         # The master may execute calls in another order than they were made.

@@ -120,6 +120,22 @@ def test_a_withdrawn_topic_is_unregistered_and_its_subscribers_are_disconnected(
     assert master.executed.count("unregisterPublisher") == 1
 
 
+def test_a_topic_advertised_twice_stays_until_it_is_withdrawn_twice(
+    master: SlowMaster, context: NodeContext
+) -> None:
+    node = Node(context, "/sender", lambda _: None)
+    first = node.publish("/words", String)
+    assert node.publish("/words", String) is first
+    node.unpublish("/words")
+    assert node.publish("/words", String) is first
+    node.unpublish("/words")
+    node.unpublish("/words")
+    assert node.publish("/words", String) is not first
+    node.close(context.reactor.stop)
+    run_for(context)
+    assert master.executed.count("unregisterPublisher") == 1
+
+
 @pytest.mark.parametrize("size", [10, BUFFER_SIZE // 4, BUFFER_SIZE, 5_000_000])
 def test_messages_of_any_size_arrive_whole_and_in_order(context: NodeContext, size: int) -> None:
     source = random.Random(size)
