@@ -31,7 +31,8 @@ LAUNCH = """
     <node pkg="pioneer_ros" type="pioneer_pid_controller" name="file" cwd="node"/>
     <node pkg="pioneer_ros" type="pioneer_pid_controller" name="prefixed" launch-prefix="nice -n 1"/>
     <node pkg="pioneer_ros" type="pioneer_pid_controller" name="own"><env name="PYTHONOPTIMIZE" value="1"/></node>
-    <node pkg="rosout" type="rosout" name="foreign"/>
+    <param name="robot_description" value="&lt;robot name='r'&gt;&lt;link name='l'/&gt;&lt;/robot&gt;"/>
+    <node pkg="robot_state_publisher" type="robot_state_publisher" name="foreign"/>
   </group>
 </launch>
 """
