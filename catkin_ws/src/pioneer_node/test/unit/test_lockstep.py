@@ -2,6 +2,7 @@
 
 from unittest import mock
 
+import pytest
 import rospy
 from std_msgs.msg import String
 
@@ -57,3 +58,21 @@ def test_a_latched_message_that_a_new_link_brings_again_is_ignored():
             hear(text, latching)
         hear("two", "1", "/another")
     assert heard == ["one", "two", "three", "three", "two"]
+
+
+def test_a_node_whose_work_fails_is_stopped_before_the_error_is_raised():
+    class Node:
+        stopped = False
+
+        def step(self):
+            raise AssertionError("called by tokens only")
+
+        def stop(self):
+            self.stopped = True
+
+    node = Node()
+    member = mock.Mock()
+    member.spin.side_effect = RuntimeError("the work failed")
+    with pytest.raises(RuntimeError, match="the work failed"):
+        lockstep.Turns(member, node).spin()
+    assert node.stopped

@@ -42,7 +42,7 @@ def run(
         name: the node's default name.
         build: creates the node object, which is kept alive while the node spins. Its ``spin`` method is used if it
             has one, else ``rospy.spin``. In lockstep its optional ``step`` is called once per period, as soon as its
-            optional ``ready`` has returned true.
+            optional ``ready`` has returned true, and its optional ``stop`` when the node ends, also by an exception.
         expected: exceptions that mean bad input rather than a bug: logged in one line without traceback.
             Always includes ``ParameterError``.
         wall_time: use wall time even if ``/use_sim_time`` is set, and do not subscribe to ``/clock``.

@@ -127,10 +127,14 @@ class Turns:
         self._member, self._node = member, node
 
     def spin(self) -> None:
-        """Runs until shutdown."""
-        self._member.spin(
-            getattr(self._node, "step", lambda: None), getattr(self._node, "ready", lambda: True)
-        )
+        """Runs until shutdown, or until the work fails; then calls the node's ``stop``."""
+        step = getattr(self._node, "step", lambda: None)
+        ready = getattr(self._node, "ready", lambda: True)
+        stop = getattr(self._node, "stop", lambda: None)
+        try:
+            self._member.spin(step, ready)
+        finally:
+            stop()
 
 
 def joined() -> Member | None:
