@@ -4,6 +4,7 @@ A source is judged by the messages that reach the costmap. Messages that arrive 
 parse, or that hold no measurement leave the robot as blind as silence does.
 """
 
+import math
 from collections.abc import Callable, Iterable
 from typing import Generic, NamedTuple, TypeVar
 
@@ -52,7 +53,7 @@ class Source(Generic[Message]):
         self.refusal = ""  #: why the newest message that was refused at the last update cannot be used; else empty
         self._used: _Used | None = None
         self._waits_for = ""
-        self._updated = float("-inf")
+        self._updated = -math.inf
 
     def update(
         self,
@@ -116,16 +117,20 @@ class Source(Generic[Message]):
             return f"no scans on {topic} yet"
         if now - received > rate:
             return self._outdated(now - received)
+        if math.isinf(self._updated):
+            return f"The costmap cannot be updated: no message on {topic} has been used yet."
         if now - self._updated > rate + update_period:
             return self._outdated(now - self._updated) + " The costmap cannot be updated."
         reason = self.refusal or self._waits_for or "its messages do not parse"
         if self._used is None:
             return f"no message on {topic} can be used: {reason}"
-        if self._updated - self._used.received > rate - _EQUAL:
-            return f"{self._outdated(now - self._used.received)} Newer messages cannot be used: {reason}"
-        age = self._updated - self._used.stamp
-        if self._used.stamp > 0.0 and age > rate + tolerance:
-            return f"The messages on {topic} are stamped {age:.2f} s in the past, more than {rate + tolerance:.2f} s."
+        age_at_update = self._updated - self._used.received
+        age = now - self._used.received
+        if age_at_update > rate - _EQUAL or age > rate + update_period + _EQUAL:
+            return f"{self._outdated(age)} Newer messages cannot be used: {reason}"
+        delay = self._updated - self._used.stamp
+        if self._used.stamp > 0.0 and delay > rate + tolerance:
+            return f"The messages on {topic} are stamped {delay:.2f} s in the past, more than {rate + tolerance:.2f} s."
         return ""
 
     def _outdated(self, age: float) -> str:
@@ -139,4 +144,4 @@ class Source(Generic[Message]):
         self.buffer.forget()
         self.refusal = self._waits_for = ""
         self._used = None
-        self._updated = float("-inf")
+        self._updated = -math.inf
