@@ -163,11 +163,7 @@ class MoveBaseNode:
                 self._turn_at(rospy.get_time())
                 self._rate.sleep()
         finally:
-            self.stop()
-
-    def stop(self) -> None:
-        """Commands zero; called last, also after an exception."""
-        self._velocity.publish(Twist())
+            self._velocity.publish(Twist())
 
     def step(self) -> None:
         """Runs one step in lockstep mode: a cycle, if it is due by ``controller_frequency``."""
@@ -282,8 +278,8 @@ class MoveBaseNode:
             self._blind.end()
         self._safety_stop.publish(fault, now)
         if fault:
-            return Sight(pose, fault=fault, robots=robots)
-        return Sight(pose, local_pose, transform, velocity, current=True, robots=robots)
+            return Sight(pose, robots=robots)
+        return Sight(pose, local_pose, transform, velocity, True, robots)
 
     def _measured_velocity(self, now: float) -> Velocity:
         """Returns the robot's velocity; raises MessageError without recent odometry."""
