@@ -130,6 +130,22 @@ def test_with_somebody_near_plans_age_fast():
     machine.until(lambda m: StartPlanning() in m.events, 0.6, control=GO, meeting=True)
 
 
+@pytest.mark.parametrize("meeting", [False, True])
+def test_failing_plans_repeat_at_the_planner_frequency_near_unmapped_obstacles_too(meeting):
+    machine = Machine(replace(LIMITS, planner_frequency=2.0, meeting_period=0.5))
+    machine.drive()
+    searches = 0
+    is_searching = False
+    for _ in range(round(10.0 / PERIOD)):
+        outcome = PlanOutcome.FAILED if is_searching else PlanOutcome.NONE
+        is_searching = StartPlanning() in machine.cycle(
+            control=GO, meeting=meeting, blocked=meeting, plan=outcome
+        )
+        searches += is_searching
+    assert machine.state.phase is Phase.CONTROLLING
+    assert 16 <= searches <= 20
+
+
 def test_a_failed_plan_while_driving_keeps_the_old_one():
     machine = Machine()
     machine.drive()

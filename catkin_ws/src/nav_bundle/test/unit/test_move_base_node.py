@@ -28,6 +28,7 @@ def test_an_exception_in_the_loop_still_ends_with_a_zero_velocity(
         _has_all=lambda _: True,
         _offer=lambda: None,
         _turn_at=fail,
+        stop=lambda: MoveBaseNode.stop(node),
         _velocity=SimpleNamespace(publish=commands.append),
     )
     with pytest.raises(RuntimeError):

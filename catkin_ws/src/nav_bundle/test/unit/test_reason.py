@@ -13,7 +13,8 @@ from nav_bundle.base.pose import Pose
 from nav_bundle.costmap.config import costmap_config_from_parameters
 from nav_bundle.costmap.costmap import Costmap
 from nav_bundle.costmap.layer import Observation
-from nav_bundle.move_base.navigator import Report
+from nav_bundle.move_base.config import setup_from_parameters
+from nav_bundle.move_base.navigator import Navigator, Report, Sight
 from nav_bundle.move_base.reason import (
     NO_SENSOR_DATA,
     Code,
@@ -95,6 +96,7 @@ def test_a_goal_in_a_wall_of_the_map_is_no_obstacle_that_the_map_does_not_show()
         (Trigger.CONTROLLING, Code.NO_VALID_VELOCITY),
         (Trigger.PROGRESS, Code.NO_PROGRESS),
         (Trigger.OSCILLATION, Code.NO_PROGRESS),
+        (Trigger.TIME, Code.TOO_LATE),
     ],
 )
 def test_every_failure_has_a_reason(trigger: Trigger, code: Code) -> None:
@@ -114,6 +116,33 @@ def test_topic_and_diagnostics_say_the_same() -> None:
     assert message.since == rospy.Time.from_sec(12.5)
     status = diagnostic_from_report(report)
     assert (status.level, status.message) == (DiagnosticStatus.WARN, message.text)
+
+
+def test_every_code_is_the_reason_of_some_failure() -> None:
+    """A code that is never sent makes programs wait for it for nothing."""
+    start = Pose(0.5, 0.8)
+    reasons = [failure(trigger, seen_room(), GOAL, start, None, {}) for trigger in Trigger]
+    reasons.append(failure(Trigger.PLANNING, seen_room((1.6, 0.8)), GOAL, start, None, {}))
+    reasons.append(failure(Trigger.PLANNING, seen_room(), Pose(0.02, 0.8), start, None, {}))
+    reasons.append(failure(Trigger.PLANNING, seen_room(), GOAL, start, (1.0, 0.8), {}))
+    assert {reason.code for reason in reasons} == set(Code) - {Code.NONE}
+
+
+def test_a_robot_that_an_input_stops_names_the_input() -> None:
+    setup = setup_from_parameters(
+        {"global_costmap": {"robot_radius": 0.2}, "local_costmap": {"robot_radius": 0.2}}, "test"
+    )
+    room = seen_room()
+    navigator = Navigator(setup, room, room, lambda: None)
+    navigator.begin(GOAL, Pose(0.5, 0.8), 1.0)
+    navigator.cycle(Sight(Pose(0.5, 0.8), fault="no odometry on odom."), 1.1)
+    missing = "blocked: sensor data, odometry or transforms are missing: "
+    assert navigator.report.text() == f"{missing}no odometry on odom"
+    navigator.cycle(Sight(Pose(0.5, 0.8), fault="no scans for 0.4 s"), 2.0)
+    assert navigator.report.text() == f"{missing}no odometry on odom"
+    navigator.cycle(Sight(Pose(0.5, 0.8), fault="no scans for 5.0 s"), 6.5)
+    assert navigator.report.text() == f"{missing}no scans for 5.0 s"
+    assert navigator.report.since == 1.1
 
 
 def test_a_reason_without_a_place_says_so() -> None:

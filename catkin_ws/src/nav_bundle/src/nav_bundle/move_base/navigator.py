@@ -4,6 +4,7 @@ The node fills a ``Sight`` from topics and transforms and publishes the content 
 both itself.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -20,11 +21,11 @@ from nav_bundle.move_base.pushing import PushingWatch
 from nav_bundle.move_base.reason import (
     DOES_NOT_MOVE,
     NO_REASON,
-    NO_SENSOR_DATA,
     Condition,
     Reason,
     failure,
     goal_reason,
+    no_sensor_data,
     way_blocked,
     without_progress,
 )
@@ -51,6 +52,8 @@ from nav_bundle.planning.planner import Path, PlannerError, Search
 # Number of cells a search may visit in one cycle: about 60 ms while the robot stands, 8 ms while it drives.
 _CELLS_STANDING = 2_000_000
 _CELLS_DRIVING = 250_000
+_REPORT_PERIOD = 5.0
+"""Minimum time between two reports of which only the reason's text differs, as its figures do [s]."""
 _NOBODY = np.empty((0, 2))
 _NO_POSE = "Unable to get starting pose of robot, unable to create global plan"
 
@@ -66,6 +69,7 @@ class Sight:
     )
     velocity: Velocity | None = None  #: measured velocity
     current: bool = False  #: sensor data, odometry and transforms are recent enough to drive
+    fault: str = ""  #: why they are not, for people; empty if they are
     #: other robots' poses by name, in the global costmap's frame
     robots: Mapping[str, Pose] = field(default_factory=dict)
 
@@ -131,6 +135,8 @@ class Navigator:
         self._pushing = PushingWatch(setup.base.pushing_timeout)
         self._command: Velocity | None = None
         self._robots: Mapping[str, Pose] = {}
+        self._fault = ""  # why an input does not allow driving
+        self._reported = -math.inf  # time of the last change of the report
         self._failure = NO_REASON  # why the last goal was given up
         self.report = Report()  #: state after the last cycle
 
@@ -193,6 +199,7 @@ class Navigator:
         if self._state.phase is Phase.IDLE:
             return result
         self._robots = sight.robots
+        self._fault = sight.fault
         current = sight.current and sight.pose is not None and sight.local_pose is not None
         inputs = Inputs(
             pose=sight.pose,
@@ -288,9 +295,17 @@ class Navigator:
             # Nothing that the local planner remembers of the last goal applies to this one, even at the same place.
             self._controller = self._setup.make_local_planner()
         condition, reason = self._condition(inputs, pose, now)
-        if (condition, reason.code) != (self.report.condition, self.report.reason.code):
-            self.report = Report(condition, reason, now)
+        self._update_report(condition, reason, now)
         return result
+
+    def _update_report(self, condition: Condition, reason: Reason, now: float) -> None:
+        """Reports a state and a reason that begin at once; a reason of which only the text changes, after a while."""
+        report = self.report
+        begins = (condition, reason.code) != (report.condition, report.reason.code)
+        is_due = not 0.0 <= now - self._reported < _REPORT_PERIOD
+        if begins or (reason != report.reason and is_due):
+            self.report = Report(condition, reason, now if begins else report.since)
+            self._reported = now
 
     def _condition(self, inputs: Inputs, pose: Pose | None, now: float) -> tuple[Condition, Reason]:
         """Returns what the robot is doing, and why it does not arrive."""
@@ -300,7 +315,7 @@ class Navigator:
                 Condition.FAILED if self._failure is not NO_REASON else Condition.IDLE
             ), self._failure
         if not (inputs.current or inputs.new_goal):
-            return Condition.BLOCKED, NO_SENSOR_DATA
+            return Condition.BLOCKED, no_sensor_data(self._fault)
         reason = self._hindrance(pose, now)
         if state.phase is Phase.CLEARING:
             pushes = state.trigger is Trigger.PUSHING

@@ -163,7 +163,11 @@ class MoveBaseNode:
                 self._turn_at(rospy.get_time())
                 self._rate.sleep()
         finally:
-            self._velocity.publish(Twist())
+            self.stop()
+
+    def stop(self) -> None:
+        """Commands zero; called last, also after an exception."""
+        self._velocity.publish(Twist())
 
     def step(self) -> None:
         """Runs one step in lockstep mode: a cycle, if it is due by ``controller_frequency``."""
@@ -278,8 +282,8 @@ class MoveBaseNode:
             self._blind.end()
         self._safety_stop.publish(fault, now)
         if fault:
-            return Sight(pose, robots=robots)
-        return Sight(pose, local_pose, transform, velocity, True, robots)
+            return Sight(pose, fault=fault, robots=robots)
+        return Sight(pose, local_pose, transform, velocity, current=True, robots=robots)
 
     def _measured_velocity(self, now: float) -> Velocity:
         """Returns the robot's velocity; raises MessageError without recent odometry."""

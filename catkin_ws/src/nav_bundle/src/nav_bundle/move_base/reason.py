@@ -74,6 +74,13 @@ DOES_NOT_MOVE = Reason(Code.DOES_NOT_MOVE, "the robot does not move: wheels slip
 NO_SENSOR_DATA = Reason(Code.NO_SENSOR_DATA, "sensor data, odometry or transforms are missing")
 
 
+def no_sensor_data(fault: str) -> Reason:
+    """Returns the reason for a robot that an input, with ``fault``, does not allow to drive."""
+    if not fault:
+        return NO_SENSOR_DATA
+    return Reason(Code.NO_SENSOR_DATA, f"{NO_SENSOR_DATA.text}: {fault.rstrip('.')}")
+
+
 def way_blocked(place: Place, robots: Mapping[str, Pose]) -> Reason:
     """Returns the reason for a way that is blocked at ``place``; ``robots`` are the other robots' poses by name."""
     robot = _robot_at(place, robots)
@@ -121,6 +128,9 @@ def failure(
     occupied = goal_reason(costmap, goal, robots)
     if occupied is not None:
         return occupied
+    if trigger is Trigger.TIME:
+        place = (pose.x, pose.y) if pose is not None else None
+        return Reason(Code.TOO_LATE, "the time for the goal is over", place)
     if blocked is not None:
         return way_blocked(blocked, robots)
     if trigger is Trigger.PLANNING:

@@ -34,6 +34,7 @@ class Trigger(Enum):
     )
     SENSORS = "Sensor data is out of date."
     PROGRESS = "Robot makes no progress towards the goal. Even after executing recovery behaviors."
+    TIME = "The goal was not reached within its total time, goal_timeout_scale times that of its first plan."
 
 
 class PlanOutcome(Enum):
@@ -166,7 +167,6 @@ Step = tuple[State, Velocity | None, tuple[Event, ...]]
 RETRY_PERIOD = 0.1
 """Longest wait between two searches while the robot has no plan [s]."""
 PUSHING_TEXT = "The robot is commanded to drive and does not move: it pushes against something, or its motors are off"
-LATE_TEXT = "The goal was not reached within its total time, goal_timeout_scale times that of its first plan."
 STALE_TEXT = (
     "Sensor data is out of date, we're not going to allow commanding of the base for safety"
 )
@@ -183,7 +183,7 @@ def advance(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
     state = _watch_oscillation(state, inputs.pose, now, limits)
     state = _watch_progress(state, inputs, now, limits)
     if state.progress.is_late(now):
-        return _finish(Outcome.ABORTED, LATE_TEXT, Trigger.PROGRESS)
+        return _finish(Outcome.ABORTED, Trigger.TIME.value, Trigger.TIME)
     if not inputs.current:
         return _wait_for_sensors(state, now, limits)
     if state.phase is not Phase.CLEARING and state.progress.stalls(now, limits.progress):
