@@ -120,4 +120,17 @@ def test_a_robot_that_does_not_get_on_is_shown_with_move_base_s_reason(
     state: int, shown: bool
 ) -> None:
     message = NavigationState(state=state, text="the reason")
-    assert trouble_from_state(message) == ("the reason" if shown else "")
+    assert trouble_from_state(message, {}) == ("the reason" if shown else "")
+
+
+@pytest.mark.parametrize("reason", [NavigationState.WAY_BLOCKED, NavigationState.GOAL_OCCUPIED])
+def test_a_robot_in_the_way_of_one_that_does_not_know_it_is_named(reason: int) -> None:
+    message = NavigationState(
+        state=NavigationState.BLOCKED, reason=reason, has_place=True, text="the reason"
+    )
+    message.place.x, message.place.y = 7.2, 6.8
+    others = {"pioneer2": Pose(1.0, 6.8), "pioneer3": Pose(7.5, 6.8)}
+    assert trouble_from_state(message, others) == "the reason: pioneer3 is there"
+    assert trouble_from_state(message, {"pioneer2": others["pioneer2"]}) == "the reason"
+    message.robot = "pioneer3"
+    assert trouble_from_state(message, others) == "the reason"

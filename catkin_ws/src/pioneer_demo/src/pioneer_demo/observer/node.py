@@ -188,7 +188,12 @@ class ObserverNode:
         robot.add_queue(queue_from_message(message))
 
     def _on_navigation(self, robot: RobotTrack, message: NavigationState) -> None:
-        robot.trouble = conversions.trouble_from_state(message)
+        others = {
+            other.name: other.pose
+            for other in self._fleet.robots
+            if other is not robot and other.pose is not None
+        }
+        robot.trouble = conversions.trouble_from_state(message, others)
 
     def _on_status(self, robot: RobotTrack, message: GoalStatusArray) -> None:
         robot.status = conversions.status_from_message(message)
