@@ -482,3 +482,22 @@ def test_a_costmap_is_current_only_while_its_sources_are_used_whatever_happens(s
 @pytest.mark.parametrize("seed", range(10))
 def test_a_costmap_is_that_of_its_newest_inputs_after_long_sequences(seed: int) -> None:
     run(seed, 1500)
+
+
+def test_a_costmap_without_the_robots_pose_names_the_transform_and_not_the_scans() -> None:
+    """Without a pose no scan is used: move_base's state named now the one, now the other."""
+    network = Network()
+    with network.installed():
+        chaos = Chaos(1, network)
+        chaos.recover()
+        for _ in range(20):
+            chaos.step()
+        chaos.tf_lags = True
+        chaos.set_fault(chaos.sensors[0], "nowhere")
+        for _ in range(round(2.0 * TOLERANCE / STEP)):
+            chaos.step()
+        assert chaos.node.pose(network.now) is None
+        assert "the newest transform from base_link" in chaos.node.fault(network.now)
+        chaos.tree.connected = False
+        assert chaos.node.pose(network.now) is None
+        assert chaos.node.fault(network.now) == "no transform"

@@ -11,9 +11,10 @@ from nav_bundle.base.transform import DisconnectedError, ExtrapolationError
 from nav_bundle.costmap.config import SourceConfig
 from nav_bundle.costmap.conversions import points_from_scan
 from nav_bundle.costmap.layer import Observation
-from nav_bundle.costmap.source import Arrival, Source
+from nav_bundle.costmap.source import Arrival, Limits, Source
 
 RATE, TOLERANCE, PERIOD, SCAN_PERIOD, STEP = 0.4, 0.5, 0.2, 0.1, 0.05
+LIMITS = Limits(update_period=PERIOD, tolerance=TOLERANCE)
 CONFIG = SourceConfig("base_scan", expected_update_rate=RATE)
 KINDS = {
     "ahead": "its newest",
@@ -71,7 +72,7 @@ class Robot:
         return self.fault()
 
     def fault(self) -> str:
-        return self.source.fault(self.received, self.now, PERIOD, TOLERANCE)
+        return self.source.fault(self.received, self.now, LIMITS)
 
     def run(self, duration: float) -> list[str]:
         return [self.step() for _ in range(round(duration / STEP))]
@@ -126,7 +127,7 @@ def test_a_stamp_of_zero_means_the_newest_transform():
 
     source.update([Arrival(1, 5.0, 0.0, "")], place, 5.0)
     assert stamps == [0.0]
-    assert source.fault(5.0, 5.1, PERIOD, TOLERANCE) == ""
+    assert source.fault(5.0, 5.1, LIMITS) == ""
     assert source.buffer.newest == 5.0
 
 
@@ -135,7 +136,9 @@ def test_a_costmap_that_is_no_longer_updated_is_outdated():
     robot.run(1.0)
     robot.now += RATE + PERIOD + SCAN_PERIOD
     robot.received = robot.now
-    assert "cannot be updated" in robot.fault()
+    assert "has not been updated" in robot.fault()
+    because = robot.source.fault(robot.received, robot.now, LIMITS, "no transform of the map")
+    assert because == "The costmap cannot be updated: no transform of the map"
 
 
 def test_a_source_without_an_expected_rate_is_always_current():

@@ -31,7 +31,7 @@ from nav_bundle.costmap.cost import occupancy_by_cost
 from nav_bundle.costmap.costmap import Costmap
 from nav_bundle.costmap.geometry import EMPTY, Geometry
 from nav_bundle.costmap.layer import Observation
-from nav_bundle.costmap.source import Arrival, Source
+from nav_bundle.costmap.source import Arrival, Limits, Source
 from nav_bundle.costmap.topics import Newest
 from nav_bundle.maps.conversions import GridMessage, grid_from_message
 from nav_bundle.maps.grid import Grid
@@ -101,6 +101,8 @@ class CostmapNode:
         self._footprint_publisher = rospy.Publisher(
             f"~{name}/footprint", PolygonStamped, queue_size=1
         )
+        self._pose_fault = ""  # why the last ``pose`` was None
+        self._map_fault = ""  # why the map could not be placed at the last update
         self._updated, self._published = -np.inf, -np.inf
         self._changed = EMPTY
         self._shown: Geometry | None = None  # of the last whole costmap published
@@ -182,22 +184,32 @@ class CostmapNode:
         """Returns the robot's pose in the costmap's frame; None if it is unknown or too old."""
         try:
             newest = self._listener.latest(self.frame, self.base_frame)
-            if now - newest > self._config.transform_tolerance:
+            tolerance = self._config.transform_tolerance
+            if now - newest > tolerance:
                 self._outdated.warn(
                     f"Costmap2DROS transform timeout. Current time: {now:.4f}, global_pose stamp: {newest:.4f}, "
-                    f"tolerance: {self._config.transform_tolerance:.4f}"
+                    f"tolerance: {tolerance:.4f}"
+                )
+                self._pose_fault = (
+                    f"the newest transform from {self.base_frame} to {self.frame} is {now - newest:.2f} s old, "
+                    f"more than {tolerance:.2f} s"
                 )
                 return None
             pose = self._listener.lookup(self.frame, self.base_frame).planar()
-            self._outdated.end()
-            return pose
         except TransformError as error:
             rospy.logdebug("%s: %s", self.name, error)
+            self._pose_fault = str(error)
             return None
+        self._outdated.end()
+        self._pose_fault = ""
+        return pose
 
     def fault(self, now: float) -> str:
-        """Returns why the costmap is not current, and warns of it; empty if every source is used in time."""
-        first = ""
+        """Returns why the costmap is not current, and warns of it; empty if every source is used in time.
+
+        Without a pose nothing can be placed: then the missing transform is the reason. Call ``pose`` first.
+        """
+        first = self._pose_fault
         for source in self._sources:
             fault = self._fault(source, now)
             if fault:
@@ -209,10 +221,8 @@ class CostmapNode:
 
     def _fault(self, source: "_Input", now: float) -> str:
         """Returns why a source is not current; empty if it is."""
-        period = 1.0 / self._config.update_frequency
-        return source.source.fault(
-            source.scans.received, now, period, self._config.transform_tolerance
-        )
+        limits = Limits(1.0 / self._config.update_frequency, self._config.transform_tolerance)
+        return source.source.fault(source.scans.received, now, limits, self._map_fault)
 
     def update(self, now: float, forced: bool = False) -> bool:
         """Updates and publishes the costmap, each if due; ``forced`` updates in any case.
@@ -274,9 +284,11 @@ class CostmapNode:
             for topic, frame in self._map_frames.items():
                 places[topic] = self._listener.lookup(self.frame, frame).planar()
         except TransformError as error:
-            self._unplaced.warn(f"{self.name}: the map cannot be placed: {error}")
+            self._map_fault = f"the map cannot be placed: {error}"
+            self._unplaced.warn(f"{self.name}: {self._map_fault}")
             return None
         self._unplaced.end()
+        self._map_fault = ""
         return places
 
     def other_robots(self, now: float) -> dict[str, Pose]:

@@ -28,6 +28,14 @@ class Arrival(NamedTuple, Generic[Message]):
     message: Message
 
 
+class Limits(NamedTuple):
+    """What a costmap allows its sources."""
+
+    update_period: float  #: time between two updates of the costmap [s]
+    #: how much older than ``expected_update_rate`` a stamp may be [s], for clocks that differ
+    tolerance: float
+
+
 class _Used(NamedTuple):
     """The newest message that is in the costmap."""
 
@@ -99,16 +107,18 @@ class Source(Generic[Message]):
         return None
 
     def fault(
-        self, received: float | None, now: float, update_period: float, tolerance: float
+        self, received: float | None, now: float, limits: Limits, not_updated: str = ""
     ) -> str:
         """Returns why the source is not current at ``now`` [s]; empty if it is, or is not checked.
 
         Args:
             received: time of the last arrival [s]; None before the first.
             now: ROS time [s].
-            update_period: time between two updates of the costmap [s].
-            tolerance: how much older than ``expected_update_rate`` a stamp may be [s], for clocks that differ.
+            limits: of the costmap.
+            not_updated: why the costmap cannot be updated; empty if it can, or if that is not known.
         """
+        update_period, tolerance = limits
+        cannot = f"The costmap cannot be updated: {not_updated}" if not_updated else ""
         rate = self.config.expected_update_rate
         topic = self.config.topic
         if rate <= 0.0:
@@ -118,9 +128,11 @@ class Source(Generic[Message]):
         if now - received > rate:
             return self._outdated(now - received)
         if math.isinf(self._updated):
-            return f"The costmap cannot be updated: no message on {topic} has been used yet."
+            return (
+                cannot or f"The costmap cannot be updated: no message on {topic} has been used yet."
+            )
         if now - self._updated > rate + update_period:
-            return self._outdated(now - self._updated) + " The costmap cannot be updated."
+            return cannot or f"The costmap has not been updated for {now - self._updated:.2f} s."
         reason = self.refusal or self._waits_for or "its messages do not parse"
         if self._used is None:
             return f"no message on {topic} can be used: {reason}"

@@ -25,6 +25,7 @@ from nav_bundle.move_base.reason import (
     Reason,
     failure,
     goal_reason,
+    is_due,
     no_sensor_data,
     way_blocked,
     without_progress,
@@ -52,8 +53,6 @@ from nav_bundle.planning.planner import Path, PlannerError, Search
 # Number of cells a search may visit in one cycle: about 60 ms while the robot stands, 8 ms while it drives.
 _CELLS_STANDING = 2_000_000
 _CELLS_DRIVING = 250_000
-_REPORT_PERIOD = 5.0
-"""Minimum time between two reports of which only the reason's text differs, as its figures do [s]."""
 _NOBODY = np.empty((0, 2))
 _NO_POSE = "Unable to get starting pose of robot, unable to create global plan"
 
@@ -302,8 +301,7 @@ class Navigator:
         """Reports a state and a reason that begin at once; a reason of which only the text changes, after a while."""
         report = self.report
         begins = (condition, reason.code) != (report.condition, report.reason.code)
-        is_due = not 0.0 <= now - self._reported < _REPORT_PERIOD
-        if begins or (reason != report.reason and is_due):
+        if begins or is_due(reason.text, report.reason.text, now - self._reported):
             self.report = Report(condition, reason, now if begins else report.since)
             self._reported = now
 

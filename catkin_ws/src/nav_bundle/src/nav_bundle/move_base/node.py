@@ -272,8 +272,6 @@ class MoveBaseNode:
         try:
             velocity = self._measured_velocity(now)
             fault = self._global.fault(now) or self._local.fault(now)
-            if pose is None or local_pose is None:
-                fault = fault or "a transform of the robot is missing or out of date"
             transform = self._listener.lookup(self._local.frame, self._global.frame).planar()
         except (TransformError, MessageError) as error:
             fault = str(error)

@@ -1,6 +1,7 @@
 """What a robot with a goal is doing, and why it does not arrive: the same words for people and programs."""
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
@@ -13,6 +14,9 @@ from nav_bundle.move_base.state_machine import Trigger
 Place = tuple[float, float]
 """x, y [m] in the global costmap's frame."""
 
+_WORDS_PERIOD, _FIGURES_PERIOD = 1.0, 5.0
+"""Minimum times [s] between two texts of one state: with other words, and with the same words and other figures."""
+_FIGURE = re.compile(r"\d+(\.\d+)?")
 _AT_ROBOT = 0.8
 """An obstacle within this distance [m] of another robot's position is that robot."""
 
@@ -72,6 +76,18 @@ class Reason:
 NO_REASON = Reason()
 DOES_NOT_MOVE = Reason(Code.DOES_NOT_MOVE, "the robot does not move: wheels slip or it pushes")
 NO_SENSOR_DATA = Reason(Code.NO_SENSOR_DATA, "sensor data, odometry or transforms are missing")
+
+
+def is_due(text: str, shown: str, elapsed: float) -> bool:
+    """Returns whether ``text`` may replace the one ``shown`` for ``elapsed`` [s] while the state lasts.
+
+    Faults that take turns in every cycle must not flood a topic, and neither must figures that change. But a fault
+    that follows another one is shown soon: a robot may stand for a moment for one reason, and for long for the next.
+    """
+    if text == shown:
+        return False
+    same_words = _FIGURE.sub("", text) == _FIGURE.sub("", shown)
+    return not 0.0 <= elapsed < (_FIGURES_PERIOD if same_words else _WORDS_PERIOD)
 
 
 def no_sensor_data(fault: str) -> Reason:

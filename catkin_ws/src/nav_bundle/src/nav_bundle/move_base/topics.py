@@ -5,8 +5,7 @@ import math
 import rospy
 from std_msgs.msg import String
 
-_PERIOD = 5.0
-"""Minimum time between two reasons while the state lasts [s of ROS time]."""
+from nav_bundle.move_base.reason import is_due
 
 
 class Reason:
@@ -23,10 +22,10 @@ class Reason:
         self._publisher.publish("")
 
     def publish(self, reason: str, now: float) -> None:
-        """Publishes a reason that begins or ends at once; one that only changes, as figures do, after a while."""
+        """Publishes a reason that begins or ends at once; one that only changes, after a while."""
         if reason == self._reason:
             return
-        if reason and self._reason and 0.0 <= now - self._published < _PERIOD:
+        if reason and self._reason and not is_due(reason, self._reason, now - self._published):
             return
         self._reason = reason
         self._published = now
