@@ -62,6 +62,11 @@ class Connection:
         with contextlib.suppress(OSError):  # it is closed already
             self._socket.shutdown(socket.SHUT_RDWR)
 
+    def finish(self) -> None:
+        """Makes `read_frame` raise ConnectionError once it has read what has arrived until now."""
+        with contextlib.suppress(OSError):  # it is closed already
+            self._socket.shutdown(socket.SHUT_RD)
+
     def call_raw(self, body: bytes) -> bytes:
         """Calls the service at the other end with a serialized request; returns the serialized response.
 

@@ -115,3 +115,15 @@ def test_a_connection_that_ends_within_a_message_is_a_network_error():
         found._socket.shutdown(socket.SHUT_WR)
         with pytest.raises(ConnectionError):
             found.read_frame()
+
+
+def test_a_finished_connection_still_gives_the_messages_that_have_arrived():
+    words = [b"one", b"two", b"three"]
+    arrived = header_bytes({"type": "*"}) + b"".join(map(frame, words))
+    with graph(arrived) as client, client.subscribe("/n", "/t") as connection:
+        connection.be_patient()
+        connection.finish()
+        assert [connection.read_frame() for _ in words] == words
+        with pytest.raises(ConnectionError):
+            connection.read_frame()
+        connection.interrupt()

@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from pioneer_fleet.recording.recording import BagFile, Kind, McapFile, Message
@@ -25,6 +25,59 @@ _LEFT_OUT = "/rosout_agg"
 """Suffix of topics to skip because they only repeat other topics."""
 _WAITING = 20_000
 """Write queue size [messages]; when it is full, new messages are dropped and counted."""
+_FIRST = 0.5
+"""Longest time at the end to wait for the latched messages that publishers send to a new subscriber [s]."""
+_DRAIN = 2.0
+"""Longest time at the end to read messages that have arrived, but have not been read yet [s]."""
+
+
+class _Receiver:
+    """A thread that receives the messages of one publisher of one topic.
+
+    Args:
+        connection: the connection to the publisher.
+        take: is called with each message.
+        closed: is called when the connection has ended.
+    """
+
+    def __init__(
+        self, connection: Connection, take: Callable[[bytes], None], closed: Callable[[], None]
+    ) -> None:
+        self._connection = connection
+        self._take = take
+        self._closed = closed
+        self._thread = threading.Thread(target=self._run, name="receiver", daemon=True)
+        self._is_complete = threading.Event()
+        """Set unless a latched message may be on its way."""
+        if connection.header.get("latching") != "1":
+            self._is_complete.set()
+        connection.be_patient()
+
+    def start(self) -> None:
+        """Starts the thread."""
+        self._thread.start()
+
+    def wait_for_latched(self, timeout: float) -> None:
+        """Waits until a latching publisher has sent a message, at most ``timeout`` seconds."""
+        self._is_complete.wait(timeout)
+
+    def finish(self) -> None:
+        """Makes the thread end once it has read the messages that have arrived until now."""
+        self._connection.finish()
+
+    def join(self, timeout: float) -> None:
+        """Waits for the end of the thread, at most ``timeout`` seconds."""
+        self._thread.join(timeout)
+
+    def _run(self) -> None:
+        try:
+            with self._connection:
+                while True:
+                    self._take(self._connection.read_frame())
+                    self._is_complete.set()
+        except OSError:
+            self._is_complete.set()
+            self._closed()
 
 
 class Recorder:
@@ -39,24 +92,39 @@ class Recorder:
         self._writer: BagFile | McapFile = (
             BagFile(path) if path.suffix == ".bag" else McapFile(path)
         )
-        self._connected: set[tuple[str, str, str]] = set()
         self._proxies: set[tuple[str, str]] = set()
         self._waiting: queue.Queue[Message | None] = queue.Queue(_WAITING)
         self._end = threading.Event()
+        self._polling = threading.Thread(target=self._look, name="publishers", daemon=True)
+        self._receivers: dict[tuple[str, str, str], _Receiver] = {}
         self.written = self.dropped = 0
 
     def run(self) -> None:
         """Records until `end` is called, then finishes the file."""
-        looking = threading.Thread(target=self._look, name="publishers", daemon=True)
-        looking.start()
+        self._polling.start()
         while (message := self._waiting.get()) is not None:
             self._writer.add(message)
             self.written += 1
         self._writer.close()
 
     def end(self) -> None:
-        """Makes `run` return after writing the messages received so far."""
+        """Makes `run` return after writing the messages that have arrived so far, read or not.
+
+        The last messages of a publisher that never stops are bounded by `_DRAIN`.
+        """
         self._end.set()
+        # A subscription may be under way: its publisher already sends to it.
+        if self._polling.is_alive():
+            self._polling.join(_DRAIN)
+        receivers = list(self._receivers.values())
+        latched_by = time.monotonic() + _FIRST
+        for receiver in receivers:
+            receiver.wait_for_latched(max(0.0, latched_by - time.monotonic()))
+        drained_by = time.monotonic() + _DRAIN
+        for receiver in receivers:
+            receiver.finish()
+        for receiver in receivers:
+            receiver.join(max(0.0, drained_by - time.monotonic()))
         self._waiting.put(None)
 
     def _look(self) -> None:
@@ -68,13 +136,13 @@ class Recorder:
                     continue  # not running yet, or no longer
                 for topic, nodes in publishers:
                     for node in nodes:
-                        if not topic.endswith(_LEFT_OUT):
+                        if not self._end.is_set() and not topic.endswith(_LEFT_OUT):
                             self._connect(name, client, topic, node)
             self._end.wait(_LOOK)
 
     def _connect(self, name: str, client: Client, topic: str, node: str) -> None:
         key = (name, topic, node)
-        if key in self._connected or (name, node) in self._proxies:
+        if key in self._receivers or (name, node) in self._proxies:
             return
         try:
             if is_proxy_uri(str(client.ask_master("lookupNode", node))):
@@ -83,31 +151,32 @@ class Recorder:
             connection = client.subscribe(node, topic)
         except (OSError, TcprosError):
             return  # the publisher has just ended; the next poll will notice
-        self._connected.add(key)
-        threading.Thread(
-            target=self._receive, args=(key, connection), name=topic, daemon=True
-        ).start()
-
-    def _receive(self, key: tuple[str, str, str], connection: Connection) -> None:
-        name, topic, _ = key
         header = connection.header
-        latching = header.get("latching") == "1"
+        if not {"type", "md5sum"} <= header.keys():
+            connection.interrupt()
+            return  # not a publisher; the next poll will ask again
         kind = Kind(
-            header["type"], header["md5sum"], header.get("message_definition", ""), latching
+            type=header["type"],
+            md5sum=header["md5sum"],
+            definition=header.get("message_definition", ""),
+            latching=header.get("latching") == "1",
         )
-        connection.be_patient()
+        receiver = _Receiver(
+            connection,
+            take=lambda data: self._take(Message(f"/{name}{topic}", kind, time.time_ns(), data)),
+            closed=lambda: self._forget(key),
+        )
+        self._receivers[key] = receiver
+        receiver.start()
+
+    def _take(self, message: Message) -> None:
         try:
-            with connection:
-                while True:
-                    data = connection.read_frame()
-                    try:
-                        self._waiting.put_nowait(
-                            Message(f"/{name}{topic}", kind, time.time_ns(), data)
-                        )
-                    except queue.Full:
-                        self.dropped += 1
-        except OSError:
-            self._connected.remove(key)
+            self._waiting.put_nowait(message)
+        except queue.Full:
+            self.dropped += 1
+
+    def _forget(self, key: tuple[str, str, str]) -> None:
+        del self._receivers[key]
 
 
 def main(words: Sequence[str]) -> int:
