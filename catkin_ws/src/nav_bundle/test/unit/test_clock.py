@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nav_bundle.base.clock import RESET, ClockWatch, Jump
+from nav_bundle.base.clock import RESET, STALL, ClockWatch, Jump, StallWatch
 
 
 def test_time_that_goes_on_does_not_jump():
@@ -33,3 +33,18 @@ def test_messages_of_the_clock_that_overtake_each_other_are_no_reset():
     times = np.arange(0.0, 100.0, 0.01)
     for now in times + generator.uniform(0.0, RESET, len(times)):
         assert watch.read(float(now)) is not Jump.RESET
+
+
+def test_a_clock_stands_still_only_after_a_while_of_wall_time():
+    watch = StallWatch()
+    assert not watch.read(0.0, 100.0)
+    assert not watch.read(7.0, 100.0 + 2.0 * STALL)
+    assert not watch.read(7.0, 100.0 + 3.0 * STALL)
+    assert watch.read(7.0, 100.1 + 3.0 * STALL)
+    assert not watch.read(6.9, 100.2 + 3.0 * STALL), "set back, it continues"
+
+
+def test_a_slow_simulation_does_not_stand_still():
+    watch = StallWatch()
+    ticks = np.arange(0.0, 100.0, 0.9 * STALL)
+    assert not any(watch.read(0.01 * tick, float(tick)) for tick in ticks)

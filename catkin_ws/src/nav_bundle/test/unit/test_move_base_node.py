@@ -11,7 +11,9 @@ from nav_bundle.costmap.config import SourceConfig
 from nav_bundle.costmap.layer import Observation
 from nav_bundle.costmap.node import CostmapNode
 from nav_bundle.costmap.source import Arrival, Source
+from nav_bundle.move_base.navigator import Report
 from nav_bundle.move_base.node import MoveBaseNode
+from nav_bundle.move_base.reason import Condition
 
 
 def test_an_exception_in_the_loop_still_ends_with_a_zero_velocity(
@@ -34,6 +36,29 @@ def test_an_exception_in_the_loop_still_ends_with_a_zero_velocity(
     with pytest.raises(RuntimeError):
         MoveBaseNode.spin(node)  # type: ignore[arg-type]
     assert commands == [Twist()]
+
+
+def test_the_state_names_what_the_start_waits_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rospy, "loginfo_throttle", lambda *_: None)
+    shown: list[Report] = []
+
+    def costmap(*missing: str) -> SimpleNamespace:
+        return SimpleNamespace(
+            missing=lambda _: list(missing),
+            update=lambda _: None,
+            costmap=SimpleNamespace(ready=not missing),
+        )
+
+    node = MoveBaseNode.__new__(MoveBaseNode)
+    node._shown_report = Report(Condition.STARTING)
+    node._state = SimpleNamespace(show=lambda report, _: shown.append(report))  # type: ignore[assignment]
+    node._global = costmap("the map on /map")  # type: ignore[assignment]
+    node._local = costmap()  # type: ignore[assignment]
+    assert not node._has_all(1.0)
+    assert not node._has_all(2.0)
+    assert shown[0].text() == "starting: waiting for the map on /map"
+    assert shown[1] is shown[0]
+    assert shown[0].since == 1.0
 
 
 @pytest.mark.parametrize(

@@ -123,6 +123,13 @@ def test_a_robot_that_does_not_get_on_is_shown_with_move_base_s_reason(
     assert trouble_from_state(message, {}) == ("the reason" if shown else "")
 
 
+def test_what_a_robot_waits_for_at_the_start_is_shown() -> None:
+    message = NavigationState(state=NavigationState.STARTING, text="starting: waiting for the map")
+    assert trouble_from_state(message, {}) == ""
+    message.reason = NavigationState.NO_SENSOR_DATA
+    assert trouble_from_state(message, {}) == "starting: waiting for the map"
+
+
 @pytest.mark.parametrize("reason", [NavigationState.WAY_BLOCKED, NavigationState.GOAL_OCCUPIED])
 def test_a_robot_in_the_way_of_one_that_does_not_know_it_is_named(reason: int) -> None:
     message = NavigationState(

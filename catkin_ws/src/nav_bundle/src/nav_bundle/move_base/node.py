@@ -1,6 +1,7 @@
 """The move_base node: costmaps, planners and recovery behaviours behind one action."""
 
 import threading
+import time
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from std_srvs.srv import Empty, EmptyRequest, EmptyResponse
 
-from nav_bundle.base.clock import RESET, ClockWatch, Jump
+from nav_bundle.base.clock import RESET, STALL, ClockWatch, Jump, StallWatch
 from nav_bundle.base.conversions import check_numbers, stamped_from_pose
 from nav_bundle.base.error import MessageError
 from nav_bundle.base.pose import Pose
@@ -27,7 +28,8 @@ from nav_bundle.costmap.topics import Newest
 from nav_bundle.move_base.action_server import GoalServer
 from nav_bundle.move_base.config import Setup, setup_from_parameters
 from nav_bundle.move_base.navigator import Cycle, Navigator, Report, Sight
-from nav_bundle.move_base.reason import Condition
+from nav_bundle.move_base.reason import NO_REASON, Code, Condition, no_sensor_data
+from nav_bundle.move_base.reason import Reason as ReportedReason
 from nav_bundle.move_base.reconfigure import Reconfiguration, outline_parameters
 from nav_bundle.move_base.state_machine import Phase, StartRecovery
 from nav_bundle.move_base.state_topics import StatePublisher
@@ -40,6 +42,8 @@ from pioneer_node.nodes import entry
 from pioneer_node.nodes.standing_warning import StandingWarning
 
 _COMPLAIN_EVERY = 5.0
+_CLOCK_PERIOD = 0.5
+"""Time between two looks at the simulated clock [s of wall time]."""
 _CELLS_AT_ONCE = 50_000
 """Cells that a service's search visits at once, about 2 ms: the loop waits for the interpreter as long."""
 _BUSY = "move_base must be in an inactive state to make a plan for an external user"
@@ -91,11 +95,11 @@ class MoveBaseNode:
     Parameters: ``move_base.config``, read at start; many can be changed at run time
         (``move_base.reconfigure``).
 
-    Threads: rospy's threads store messages; one loop at ``controller_frequency`` (ROS time) processes them. A lock
-        serialises services with the loop.
+    Threads: rospy's threads store messages; one loop at ``controller_frequency`` (ROS time) processes them. Another
+        thread watches simulated time, with which the loop stands still. A lock serialises both and the services.
 
     On error: without recent scans, odometry or transforms a zero velocity is published in every cycle,
-        and the node logs what is missing.
+        and the node logs what is missing. So it is while simulated time stands still.
     """
 
     def __init__(self) -> None:
@@ -117,7 +121,8 @@ class MoveBaseNode:
         self._shown = _Shown.of(self._setup)
         self._safety_stop = Reason("~safety_stop")
         self._state = StatePublisher(self._global.frame)
-        self._state.show(Report(Condition.STARTING), rospy.get_time())
+        self._shown_report = Report(Condition.STARTING)
+        self._state.show(self._shown_report, rospy.get_time())
         self._recovery_status = rospy.Publisher("~recovery_status", RecoveryStatus, queue_size=1)
         self._clock = ClockWatch(simulated=not rospy.rostime.is_wallclock())
         self._last, self._heard, self._complete = -np.inf, False, False
@@ -153,6 +158,8 @@ class MoveBaseNode:
 
     def spin(self) -> None:
         """Waits for the inputs of navigation, then runs the loop until shutdown."""
+        if not rospy.rostime.is_wallclock():
+            threading.Thread(target=self._watch_clock, name="clock", daemon=True).start()
         while not rospy.is_shutdown() and not self._has_all(rospy.get_time()):
             self._rate.sleep()
         if rospy.is_shutdown():
@@ -168,6 +175,37 @@ class MoveBaseNode:
     def stop(self) -> None:
         """Commands zero; called last, also after an exception."""
         self._velocity.publish(Twist())
+
+    def _watch_clock(self) -> None:
+        """Stops the robot while simulated time stands still and reports why."""
+        watch = StallWatch()
+        while not (entry.wait(_CLOCK_PERIOD) or rospy.is_shutdown()):
+            if watch.read(rospy.get_time(), time.monotonic()):
+                with self._turn:
+                    self._stand_without_clock(rospy.get_time())
+
+    def _stand_without_clock(self, now: float) -> None:
+        fault = f"/clock has stood still for more than {STALL:g} s"
+        if not hasattr(self, "_goals"):
+            self._show_start("simulated time on /clock", now)
+        elif self._goals.active or self._goals.has_new:
+            self.stop()
+            self._safety_stop.publish(fault, now)
+            self._show_meanwhile(Condition.BLOCKED, no_sensor_data(fault), now)
+
+    def _show_start(self, missing: str, now: float) -> None:
+        """Reports what the start waits for; empty if for nothing."""
+        reason = (
+            ReportedReason(Code.NO_SENSOR_DATA, f"waiting for {missing}") if missing else NO_REASON
+        )
+        self._show_meanwhile(Condition.STARTING, reason, now)
+
+    def _show_meanwhile(self, condition: Condition, reason: ReportedReason, now: float) -> None:
+        """Reports a state and a reason while the loop, which reports the navigator's, does not run."""
+        before = self._shown_report
+        if (condition, reason) != (before.condition, before.reason):
+            self._shown_report = Report(condition, reason, now)
+        self._state.show(self._shown_report, now)
 
     def step(self) -> None:
         """Runs one step in lockstep mode: a cycle, if it is due by ``controller_frequency``."""
@@ -205,7 +243,8 @@ class MoveBaseNode:
             elif jump is Jump.STEP:
                 self._forget_times(now, before - now)
             self._cycle(now)
-            self._state.show(self._navigator.report, now)
+            self._shown_report = self._navigator.report
+            self._state.show(self._shown_report, now)
         if not self._heard and self._odometry.received is not None:
             self._heard = True
             rospy.loginfo("odom received!")
@@ -219,6 +258,7 @@ class MoveBaseNode:
         if missing:
             words = ", ".join(dict.fromkeys(missing))
             rospy.loginfo_throttle(_COMPLAIN_EVERY, f"waiting for {words}")
+            self._show_start(words, now)
         return not missing and self._global.costmap.ready and self._local.costmap.ready
 
     def _restart(self, now: float) -> None:

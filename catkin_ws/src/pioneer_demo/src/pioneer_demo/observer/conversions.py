@@ -82,7 +82,8 @@ def trouble_from_state(message: Any, others: Mapping[str, Pose]) -> str:
         message.HELD,
         message.FAILED,
     )
-    if message.state not in troubled:
+    waits_at_start = message.state == message.STARTING and message.reason != message.NO_REASON
+    if message.state not in troubled and not waits_at_start:
         return ""
     robot = _unnamed_robot(message, others)
     return f"{message.text}: {robot} is there" if robot else str(message.text)
