@@ -38,6 +38,7 @@ class FakeGateway:
     links: dict[Import, LinkStatus] = field(default_factory=dict)
     options: tuple[OptionRule, ...] = ()
     namespace: str = ""
+    dead: frozenset[str] = frozenset()
 
     @property
     def name(self) -> str:
@@ -105,6 +106,7 @@ class Fleet:
             links=gateway.links,
             options=gateway.options,
             namespace=gateway.namespace,
+            dead=gateway.dead,
             robots=frozenset(one.namespace for one in self.gateways.values() if one.namespace),
         )
 

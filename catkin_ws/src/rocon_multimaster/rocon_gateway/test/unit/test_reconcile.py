@@ -476,3 +476,34 @@ def test_a_gateway_without_a_robots_namespace_gets_everything() -> None:
     robot.book = robot.book.with_all("pull", "hub", [])
     fleet_of(hub, robot)
     assert len(robot.imported()) == 4
+
+
+def test_a_dead_node_bars_neither_its_name_nor_its_topic() -> None:
+    hub = gateway(
+        "hub", publisher("/old", "/robot/talker"), publisher("/chatter", "/ghost", "std_msgs/Int32")
+    )
+    robot = gateway("robot", publisher("/chatter"), publisher("/other"))
+    for topic in ("/chatter", "/other"):
+        hub.book = hub.book.added("flip", [to("robot", Kind.SUBSCRIBER, topic)])
+    fleet = fleet_of(hub, robot)
+    assert hub.states() == {
+        "flip /chatter": State.TYPE_MISMATCH,
+        "flip /other": State.REFUSED,
+    }
+    assert hub.outcome.barring == {"/robot/talker", "/ghost"}
+    hub.dead = frozenset({"/ghost"})
+    fleet.settle()
+    assert hub.states()["flip /other"] == State.REFUSED
+    hub.dead = frozenset({"/robot/talker", "/ghost"})
+    fleet.settle()
+    assert hub.imported() == {("/chatter", "robot", "/talker"), ("/other", "robot", "/talker")}
+    assert hub.outcome.barring == {"/robot/talker", "/ghost"}, "they stay under examination"
+
+
+def test_one_living_publisher_of_several_bars_another_type() -> None:
+    hub = gateway("hub", *(publisher("/chatter", node, "std_msgs/Int32") for node in ("/a", "/b")))
+    robot = gateway("robot", publisher("/chatter"))
+    hub.book = hub.book.added("flip", [to("robot", Kind.SUBSCRIBER, "/chatter")])
+    hub.dead = frozenset({"/a"})
+    fleet_of(hub, robot)
+    assert hub.states() == {"flip /chatter": State.TYPE_MISMATCH}

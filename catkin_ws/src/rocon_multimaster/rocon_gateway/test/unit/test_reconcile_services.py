@@ -209,3 +209,14 @@ def test_a_parameter_is_pulled_by_its_plain_name_and_never_flipped() -> None:
         assert refused.value.code == Code.UNKNOWN_ADVERTISEMENT_ERROR
     with pytest.raises(RequestError, match="pulled, not flipped"):
         RuleBook("hub").added("flip", [to("robot", Kind.PARAMETER, "/a")])
+
+
+def test_a_dead_server_does_not_bar_a_service() -> None:
+    hub, robot = gateway("hub", service("/add", "/ghost")), gateway("robot", service("/add"))
+    hub.book = hub.book.added("pull", [to("robot", Kind.SERVICE, "/add")])
+    robot.book = robot.book.advertised([Rule(Kind.SERVICE, "/add")])
+    fleet = fleet_of(hub, robot)
+    assert hub.states() == {"pull /add": State.REFUSED}
+    hub.dead = frozenset({"/ghost"})
+    fleet.settle()
+    assert hub.states() == {"pull /add": State.ACTIVE}

@@ -233,3 +233,9 @@ def is_proxy_uri(uri: str) -> bool:
     This keeps gateways from exporting proxies, even those left on the master by a killed gateway.
     """
     return PROXY_PATH in uri
+
+
+def gateway_in_proxy_uri(uri: str) -> str:
+    """Returns the name of the gateway in a proxy's XML-RPC URI, as `proxy_uri` writes it; "" in any other URI."""
+    _, _, path = uri.partition(PROXY_PATH)
+    return path.rstrip("/")

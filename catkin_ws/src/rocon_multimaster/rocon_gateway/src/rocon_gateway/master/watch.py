@@ -1,7 +1,7 @@
 """Reads from our ROS master which nodes publish, subscribe and serve what, excluding ourselves and proxies."""
 
 import http.client
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from typing import Any
 
 from rocon_gateway.master.line import MasterError, MasterLine, UnknownError, request, value
@@ -42,7 +42,7 @@ class MasterWatch:
             state = self._post(self._state_request)
             if state == self._seen and not self._types_due:
                 return False
-            rows = _rows(value(state))
+            rows = system_rows(value(state))
             local = self._connections(rows, _types(value(self._post(self._types_request))))
         except MasterError:
             self._seen = None
@@ -57,6 +57,12 @@ class MasterWatch:
 
         A node that was killed and restarted with another type does not change the master's state.
         """
+        self._types_due = True
+
+    def look_up_again(self, nodes: Iterable[str]) -> None:
+        """Makes the next poll check again whether these nodes are proxies."""
+        for node in nodes:
+            self._proxies.pop(node, None)
         self._types_due = True
 
     @property
@@ -103,7 +109,7 @@ class MasterWatch:
             raise MasterError(f"the ROS master does not answer: {error}") from None
 
 
-def _rows(state: Any) -> list[_Row]:
+def system_rows(state: Any) -> list[_Row]:
     """Returns kind, name and nodes of each entry in a master's system state. Raises MasterError."""
     try:
         publishers, subscribers, services = state

@@ -27,7 +27,9 @@ from rocon_gateway.hub.hubs import Hubs, HubsConfig
 from rocon_gateway.hub.kept_folder import KeptFolder
 from rocon_gateway.hub.membership import Overview
 from rocon_gateway.master.bell import LOOK_PERIOD, MasterBell
+from rocon_gateway.master.leftovers import remove_leftovers
 from rocon_gateway.master.line import MasterError
+from rocon_gateway.master.liveness import NodeExaminer
 from rocon_gateway.master.watch import MasterWatch
 from rocon_gateway.node.computer import ComputerTopic, LogTopic
 from rocon_gateway.node.config import GatewayConfig, book_from_config
@@ -125,6 +127,8 @@ class GatewayNode:
         crossing = {one.topic for one in self._own}
         self._master = MasterWatch(master_uri, node.name, crossing)
         self._bell = MasterBell(master_uri, node.name)
+        self._examiner = NodeExaminer(master_uri, node.name, self._wake)
+        self._reported_dead: frozenset[str] = frozenset()
         self._master_lost = False
         self._traffic = Traffic()
         self._outcome = Outcome()
@@ -219,6 +223,7 @@ class GatewayNode:
 
     def _run(self) -> None:
         try:
+            self._remove_leftovers()
             self._turn()
             self._node.call(self._handlers.open)
             self._node.call(partial(self._node.when_registered, self._registered.set))
@@ -235,8 +240,20 @@ class GatewayNode:
             self._relay.shutdown()
             self._master.close()
             self._bell.close()
+            self._examiner.examine(frozenset())
             self._stopping.wait()
             self._ended()
+
+    def _remove_leftovers(self) -> None:
+        try:
+            removed = remove_leftovers(rosgraph.get_master_uri(), self._node.name, self._name)
+        except MasterError:
+            return  # `_look` reports an unreachable master
+        if removed:
+            self._logger.warning(
+                "removed proxies of a killed gateway of our name from this master: %s",
+                ", ".join(removed),
+            )
 
     def _loop(self) -> None:
         full = diagnose = 0.0
@@ -305,8 +322,15 @@ class GatewayNode:
             options=self._options,
             namespace=self._config.own_namespace,
             robots=view.namespaces,
+            dead=self._examiner.dead,
         )
         self._outcome = outcome = reconcile(situation)
+        self._examiner.examine(outcome.barring)
+        if situation.dead:
+            # A proxy may take the name of a dead node.
+            self._master.look_up_again(situation.dead)
+            self._bell.look_again()
+        self._report_dead(situation.dead)
         self._relay.apply(outcome.exports, outcome.imports)
         interest = frozenset(remote.gateway for remote in (*book.flips.rules, *book.pulls.rules))
         self._hubs.publish(self._record(outcome), outcome.requests, interest)
@@ -370,6 +394,16 @@ class GatewayNode:
                 self._logger.warning(
                     "%s comes from %s %s", state.rule.name, state.gateway, state.verdict.reason
                 )
+
+    def _report_dead(self, dead: frozenset[str]) -> None:
+        """Logs each dead node once, as long as it stays dead."""
+        for node in sorted(dead - self._reported_dead):
+            self._logger.warning(
+                "%s is registered on this master, but nothing listens at its address any more; "
+                "what it barred is relayed ('rosnode cleanup' removes dead nodes)",
+                node,
+            )
+        self._reported_dead = dead
 
     def _gateway_info(self, view: Overview) -> GatewayInfo:
         book, outcome = self._handlers.book, self._outcome

@@ -36,9 +36,11 @@ class Decision:
         # A master lists one type per topic, and a subscriber may have set it. Only a publisher's
         # type counts: a subscriber of another type is refused alone.
         self._published_types: dict[str, str] = {}
+        self._publishers_here: dict[str, set[str]] = {}
         for connection in situation.local:
             if connection.kind == Kind.PUBLISHER and connection.type != ANY:
                 self._published_types[connection.name] = connection.type
+                self._publishers_here.setdefault(connection.name, set()).add(connection.node)
         self._nodes_here = {one.node for one in situation.local}
         self._servers_here = {
             one.name: one.node for one in situation.local if one.kind == Kind.SERVICE
@@ -52,6 +54,17 @@ class Decision:
         self._offers: dict[str, dict[Offer, None]] = {}
         self._wants: dict[str, dict[Want, None]] = {}
         self._replies: dict[str, dict[Reply, None]] = {}
+        self._barring: set[str] = set()
+
+    @property
+    def barring(self) -> frozenset[str]:
+        """The local nodes that bar an import, or would if they were not dead; complete after the last import."""
+        return frozenset(self._barring)
+
+    def _bars(self, *nodes: str) -> bool:
+        """Returns whether any of these local nodes, each of which is in an import's way, is not dead."""
+        self._barring.update(nodes)
+        return not self._situation.dead.issuperset(nodes)
 
     # Requests
 
@@ -125,7 +138,8 @@ class Decision:
     ) -> PendingVerdict:
         """Imports a remote publisher for the nodes that match `nodes` (empty: any); returns its pending verdict."""
         here = self._published_types.get(connection.name, ANY)
-        if ANY not in (here, connection.type) and here != connection.type:
+        differs = ANY not in (here, connection.type) and here != connection.type
+        if differs and self._bars(*self._publishers_here[connection.name]):
             return always(
                 verdict.mismatch(connection.name, {self._name: here, gateway: connection.type})
             )
@@ -209,15 +223,14 @@ class Decision:
 
     def _service_clash(self, wanted: Import) -> str:
         server = self._servers_here.get(wanted.topic)
-        return (
-            f"{wanted.topic} is served by {server} here already"
-            if server
-            else self._node_clash(wanted.proxy)
-        )
+        if server and self._bars(server):
+            return f"{wanted.topic} is served by {server} here already"
+        return self._node_clash(wanted.proxy)
 
     def _node_clash(self, proxy: str) -> str:
         """Returns an error if the proxy's name is taken: registering it would shut down the existing node."""
-        return f"a node {proxy} is here already" if proxy in self._nodes_here else ""
+        is_taken = proxy in self._nodes_here and self._bars(proxy)
+        return f"a node {proxy} is here already" if is_taken else ""
 
     def _clash(self, wanted: Import) -> str:
         taken = self._node_clash(wanted.proxy)

@@ -106,6 +106,7 @@ class _Reconciler:
             flipped=tuple(self.flipped),
             flipped_in=tuple(self.flipped_in),
             pulled=tuple(self.pulled),
+            barring=self.decision.barring,
         )
 
     # Advertisements

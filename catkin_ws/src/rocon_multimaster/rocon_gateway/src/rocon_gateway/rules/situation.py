@@ -81,6 +81,8 @@ class Situation:
         ""  #: our robot's namespace; patterns import nothing from another robot's. "" for none
     )
     robots: frozenset[str] = frozenset()  #: namespaces of all known robots
+    #: those of `Outcome.barring` that are dead: registered, but nothing listens at their address
+    dead: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,3 +111,5 @@ class Outcome:
     flipped: tuple[Flipped, ...] = ()  #: local connections flipped to other gateways
     flipped_in: tuple[Flipped, ...] = ()  #: remote connections flipped to this gateway
     pulled: tuple[Flipped, ...] = ()  #: remote connections pulled to this gateway
+    #: local nodes whose registrations bar an import, or would if they were not dead
+    barring: frozenset[str] = frozenset()

@@ -1,0 +1,60 @@
+"""Removes what a killed gateway of our name left on our master: proxies that nobody serves any more."""
+
+import os
+from collections.abc import Iterator
+
+from rocon_gateway.master.line import MasterError
+from rocon_gateway.master.liveness import MasterCaller, process_of, refuses
+from rocon_gateway.master.watch import system_rows
+from rocon_gateway.rules.matching import base_name
+from rocon_hub_protocol.rule import Kind
+from rocon_relay.connection import gateway_in_proxy_uri, proxy_uri
+
+_UNREGISTER = {Kind.PUBLISHER: "unregisterPublisher", Kind.SUBSCRIBER: "unregisterSubscriber"}
+
+
+def remove_leftovers(master_uri: str, node: str, gateway: str) -> list[str]:
+    """Unregisters the dead proxies of earlier gateways of our name; returns their node names, sorted.
+
+    Call it before this gateway registers proxies of its own. A proxy is dead if its port refuses connections, or if
+    this process has the port now. The proxies of a gateway that runs or is frozen are left alone.
+
+    Args:
+        master_uri: URI of the master.
+        node: our own node's name.
+        gateway: our unique name.
+
+    Raises:
+        MasterError: the master does not answer. It may have been emptied in part.
+    """
+    master = MasterCaller(master_uri, node)
+    rows = system_rows(master.call("getSystemState"))
+    names = sorted({name for _, _, nodes in rows for name in nodes})
+    dead = dict(_dead(master, node, names, gateway))
+    for kind, name, nodes in rows:
+        for proxy in dead.keys() & set(nodes):
+            if kind == Kind.SERVICE:
+                service_uri = str(master.call("lookupService", name))
+                master.call_as(proxy, "unregisterService", name, service_uri)
+            else:
+                master.call_as(proxy, _UNREGISTER[kind], name, dead[proxy])
+    return list(dead)
+
+
+def _dead(
+    master: MasterCaller, node: str, names: list[str], gateway: str
+) -> Iterator[tuple[str, str]]:
+    """Yields name and URI of each dead proxy."""
+    own_name = gateway_in_proxy_uri(proxy_uri("", 0, gateway))
+    for name in names:
+        try:
+            uri = str(master.call("lookupNode", name))
+        except MasterError:
+            continue  # it has been unregistered meanwhile
+        found = gateway_in_proxy_uri(uri)
+        if found and base_name(found) == base_name(own_name) and _is_dead(uri, node):
+            yield name, uri
+
+
+def _is_dead(uri: str, node: str) -> bool:
+    return refuses(uri) or process_of(uri, node) == os.getpid()

@@ -1,0 +1,135 @@
+"""Tells dead nodes from others: a killed node stays registered, but nothing listens at its address any more.
+
+Only a refused connection means that a node is dead. The kernel accepts connections for a node that is frozen or busy,
+and a host that does not answer may be behind a cut network.
+"""
+
+import http.client
+import socket
+import threading
+import urllib.parse
+from collections.abc import Callable
+
+from rocon_gateway.master.line import MasterError, MasterLine, UnknownError, request, value
+from rocon_relay.connection import is_proxy_uri
+
+TIMEOUT = 2.0
+"""How long a node's host may take to answer [s]."""
+
+PERIOD = 3.0
+"""Time between two examinations of the same nodes [s]."""
+
+
+class MasterCaller:
+    """Calls a master. Each call may fail with MasterError; UnknownError means that the name is unknown.
+
+    Args:
+        uri: URI of the master.
+        node: our own node's name.
+    """
+
+    def __init__(self, uri: str, node: str) -> None:
+        self._uri = uri
+        self._node = node
+
+    def call(self, method: str, *arguments: str) -> object:
+        """Returns the value in the master's answer. Raises MasterError."""
+        return self.call_as(self._node, method, *arguments)
+
+    def call_as(self, caller: str, method: str, *arguments: str) -> object:
+        """Calls in the name of another node. Raises MasterError."""
+        line = MasterLine(self._uri)
+        try:
+            return value(line.ask(request(method, caller, *arguments)))
+        except (http.client.HTTPException, OSError) as error:
+            raise MasterError(f"the ROS master does not answer: {error}") from None
+        finally:
+            line.close()
+
+
+def refuses(uri: str) -> bool:
+    """Returns whether the host of a URI answers that nothing listens at its port."""
+    parts = urllib.parse.urlsplit(uri)
+    try:
+        if not parts.port:
+            return False
+        socket.create_connection((parts.hostname, parts.port), TIMEOUT).close()
+    except ConnectionRefusedError:
+        return True
+    except (OSError, ValueError):
+        return False
+    return False
+
+
+def process_of(uri: str, caller: str) -> int | None:
+    """Returns the PID of the process that serves a node's slave API; None if it does not answer."""
+    line = MasterLine(uri)
+    try:
+        return int(value(line.ask(request("getPid", caller))))
+    except (http.client.HTTPException, OSError, MasterError, TypeError, ValueError):
+        return None
+    finally:
+        line.close()
+
+
+class NodeExaminer:
+    """Examines again and again whether some nodes are dead, in a thread of its own while there are any.
+
+    Args:
+        uri: URI of the master.
+        node: our own node's name.
+        changed: called from that thread when `dead` has changed.
+    """
+
+    def __init__(self, uri: str, node: str, changed: Callable[[], object]) -> None:
+        self._caller = MasterCaller(uri, node)
+        self._changed = changed
+        self._lock = threading.Lock()
+        self._nodes: frozenset[str] = frozenset()
+        self._dead: frozenset[str] = frozenset()
+        self._thread: threading.Thread | None = None
+        self._woken = threading.Event()
+
+    @property
+    def dead(self) -> frozenset[str]:
+        """Those of the examined nodes that were dead at the last examination."""
+        return self._dead
+
+    def examine(self, nodes: frozenset[str]) -> None:
+        """Sets the nodes to examine; returns at once."""
+        with self._lock:
+            if nodes == self._nodes:
+                return
+            self._nodes = nodes
+            self._dead &= nodes
+            self._woken.set()
+            if nodes and self._thread is None:
+                self._thread = threading.Thread(target=self._run, name="examine", daemon=True)
+                self._thread.start()
+
+    def _run(self) -> None:
+        while True:
+            self._woken.clear()
+            with self._lock:
+                nodes = self._nodes
+                if not nodes:
+                    self._thread = None
+                    return
+            found = frozenset(node for node in nodes if self._is_dead(node))
+            with self._lock:
+                found &= self._nodes
+                is_new = found != self._dead
+                self._dead = found
+            if is_new:
+                self._changed()
+            self._woken.wait(PERIOD)
+
+    def _is_dead(self, node: str) -> bool:
+        try:
+            uri = str(self._caller.call("lookupNode", node))
+        except UnknownError:
+            return True  # it has been unregistered meanwhile
+        except MasterError:
+            return False
+        # A proxy took the place of a dead node of the same name.
+        return is_proxy_uri(uri) or refuses(uri)
