@@ -8,7 +8,8 @@ from xml.parsers.expat import ExpatError
 from tcpros.error import TcprosError
 
 MAX_HEAD = 16 * 1024
-MAX_BODY = 96 * 1024
+MAX_BODY = 2**20
+"""Maximum size of a request's body [bytes]: a list of 10,000 publishers."""
 
 NONSENSE = (
     xmlrpc.client.Error,

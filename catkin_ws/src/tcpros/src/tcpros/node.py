@@ -4,7 +4,6 @@ Supports topics, services, the slave API for tools, and shutdown on request. The
 the rest of a rospy node: name resolution, parameters, ROS time, ``/rosout``.
 """
 
-import struct
 import threading
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -19,7 +18,7 @@ from tcpros.node_context import NodeContext
 from tcpros.node_port import Ended, NodePort, RefusedError
 from tcpros.reactor import Reactor
 from tcpros.service_call import failure
-from tcpros.stream import Stream
+from tcpros.stream import Stream, message_parser
 from tcpros.topic_source import Taken, TopicSource
 from tcpros.xmlrpc_client import NoAnswer
 
@@ -28,8 +27,6 @@ QUEUE_MESSAGES, QUEUE_BYTES = 100, 2**20
 
 ASK_AGAIN = 0.5
 """Retry interval while the master does not answer [s]."""
-
-_LENGTH = struct.Struct("<I")
 
 
 class ServiceError(TcprosError):
@@ -125,26 +122,22 @@ class Service:
             if not connection.is_reading:
                 connection.read_on()
 
-        def parse(data: memoryview) -> int:
-            end = (
-                _LENGTH.size + _LENGTH.unpack_from(data)[0]
-                if len(data) >= _LENGTH.size
-                else len(data) + 1
-            )
-            if len(data) < end or not connection.is_reading:  # one request at a time
-                return 0
-            request = bytes(data[_LENGTH.size : end])
+        def take(data: memoryview) -> None:
+            request = bytes(data)
             if self._reactor is None:
                 send(self._answered(request))
             else:
-                connection.hold()
-                threading.Thread(
+                connection.hold()  # one request at a time
+                thread = threading.Thread(
                     target=self._answer_later, args=(request, send), daemon=True
-                ).start()
-            return end
+                )
+                try:
+                    thread.start()
+                except RuntimeError as error:  # no more threads on this machine
+                    send(failure(f"the request is not processed: {error}"))
 
         connection.send(self._header)
-        connection.parse = parse
+        connection.parse = message_parser(connection, take)
         return lambda _reason: None
 
     def _answer_later(self, request: bytes, send: Callable[[bytes], None]) -> None:

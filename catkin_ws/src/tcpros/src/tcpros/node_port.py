@@ -7,6 +7,7 @@ both protocols: XML-RPC begins with ``POST``, which is out of range as the lengt
 import socket
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Protocol
 
 from tcpros.error import TcprosError
@@ -15,7 +16,7 @@ from tcpros.http import http_message, http_response
 from tcpros.listener import Listener
 from tcpros.node_context import NodeContext
 from tcpros.slave_api import Published, SlaveApi
-from tcpros.stream import Stream
+from tcpros.stream import LARGE_MESSAGE, Stream
 
 MAX_UNIDENTIFIED = 64
 """Maximum number of connections that have not subscribed or called a service; one more closes the oldest."""
@@ -183,13 +184,21 @@ class NodeConnection(Stream):
             self.hold()  # a client that sends requests but reads no responses would fill our memory
             return 0
         message = http_message(data, 0)
-        if message is None or len(data) < message.end:
+        if message is None:
             return 0
+        answer = partial(self._answer_call, message.keep_alive)
+        if message.end <= len(data):
+            answer(data[message.start : message.end])
+            return message.end
+        if message.length > LARGE_MESSAGE:
+            self.collect(message.length, answer)
+            return message.start
+        return 0
+
+    def _answer_call(self, keep_alive: bool, request: memoryview) -> None:
         self._asked = time.monotonic()
-        body = self._port.api.answer(bytes(data[message.start : message.end]))
-        response = http_response(body, message.keep_alive)
-        if message.keep_alive:
+        response = http_response(self._port.api.answer(bytes(request)), keep_alive)
+        if keep_alive:
             self.send(response)
         else:
             self.finish(response)
-        return message.end

@@ -6,23 +6,35 @@ import select
 import socket
 import struct
 from collections.abc import Callable
+from typing import NamedTuple
 
 from tcpros.backlog import Backlog
 from tcpros.brake import Brake
 from tcpros.error import TcprosError
 from tcpros.fanout import Fanout, Outlet, Passage, do_nothing
-from tcpros.frame import LENGTH_SIZE, Chunk
-from tcpros.reactor import Reactor
+from tcpros.frame import LENGTH_SIZE, MAX_MESSAGE, Chunk
+from tcpros.reactor import BUFFER_SIZE, Reactor
 from tcpros.tls_socket import NoTlsError, TlsSocket
 
 _IN, _OUT = select.EPOLLIN, select.EPOLLOUT
 _FAILED = select.EPOLLERR | select.EPOLLHUP
 _ACKED = struct.Struct("=120xQ")  # the beginning of Linux's tcp_info, up to tcpi_bytes_acked
 _RECEIVED = struct.Struct("=128xQ")  # the same, up to tcpi_bytes_received
+_LENGTH = struct.Struct("<I")
 
+LARGE_MESSAGE = BUFFER_SIZE // 4
+"""Longer messages are collected in a buffer of their own [bytes]."""
 
 Parse = Callable[[memoryview], int]
 """Parses received data and returns how many bytes it has consumed. Raises TcprosError for malformed data."""
+
+
+class _Collected(NamedTuple):
+    """Data that is gathered by `Stream.collect`."""
+
+    data: bytearray  #: what has arrived of it
+    size: int  #: its size [bytes]
+    take: Callable[[memoryview], object]  #: called with all of it
 
 
 class Stream(Outlet):
@@ -61,6 +73,7 @@ class Stream(Outlet):
         self._shaking = tls is not None
         self._finishing = False
         self._kept = b""
+        self._collected: _Collected | None = None
         self._held = False
         self._brake: Brake | None = None
         self._events = _IN
@@ -99,6 +112,17 @@ class Stream(Outlet):
         self.release()
         kept, self._kept = self._kept, b""
         self._parse_all(memoryview(kept))
+
+    def collect(self, size: int, take: Callable[[memoryview], object]) -> None:
+        """Gathers the next bytes in a buffer of their own, for data that the loop's buffer cannot hold.
+
+        Called by `parse`, which continues with the data behind these bytes.
+
+        Args:
+            size: how many bytes, at least 1. Memory grows with the bytes that have arrived.
+            take: called once with all of them.
+        """
+        self._collected = _Collected(bytearray(), size, take)
 
     def connect(self, host: str, port: int) -> None:
         """Starts connecting to a numeric address; `connected` or `closed` is called later."""
@@ -188,6 +212,7 @@ class Stream(Outlet):
     def finish(self, data: bytes) -> None:
         """Sends the last bytes and closes once they are sent; further received data is ignored."""
         self.parse = len
+        self._collected = None
         self._finishing = True
         self.send(data)
 
@@ -299,7 +324,7 @@ class Stream(Outlet):
 
     def _parse_all(self, data: memoryview) -> None:
         try:
-            while data and not self.is_closed and (done := self.parse(data)):
+            while data and not self.is_closed and (done := self._consume(data)):
                 data = data[done:]
         except TcprosError as error:
             self.close(f"malformed: {error}")
@@ -309,6 +334,17 @@ class Stream(Outlet):
             self.close("malformed: too much without an end")
         else:
             self._kept = bytes(data)
+
+    def _consume(self, data: memoryview) -> int:
+        collected = self._collected
+        if collected is None:
+            return self.parse(data)
+        part = data[: collected.size - len(collected.data)]
+        collected.data.extend(part)
+        if len(collected.data) == collected.size:
+            self._collected = None
+            collected.take(memoryview(collected.data))
+        return len(part)
 
     def _hold_back(self, fanout: Fanout) -> None:
         if self.is_closed:
@@ -364,3 +400,31 @@ class Stream(Outlet):
         if events != self._events:
             self._events = events
             self._reactor.change(self._socket.fileno(), events)
+
+
+def message_parser(stream: Stream, take: Callable[[memoryview], object]) -> Parse:
+    """Returns a parser for messages of any size up to `MAX_MESSAGE`, each behind its 32-bit length.
+
+    The next message is taken once the stream is reading; `take` may hold it.
+
+    Args:
+        stream: the stream that the parser is for.
+        take: called with each message without its length. The data is valid only during the call.
+    """
+
+    def parse(data: memoryview) -> int:
+        if len(data) < LENGTH_SIZE or not stream.is_reading:
+            return 0
+        length = int(_LENGTH.unpack_from(data)[0])
+        if length > MAX_MESSAGE:
+            raise TcprosError(f"a message of {length} bytes, above {MAX_MESSAGE}")
+        end = LENGTH_SIZE + length
+        if end <= len(data):
+            take(data[LENGTH_SIZE:end])
+            return end
+        if length > LARGE_MESSAGE:
+            stream.collect(length, take)
+            return LENGTH_SIZE
+        return 0
+
+    return parse

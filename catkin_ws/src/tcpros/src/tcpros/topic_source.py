@@ -1,17 +1,16 @@
 """A node's subscription: keeps one connection to each publisher that the master lists."""
 
 import socket
-import struct
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
 from tcpros.dialled_stream import DialledStream
-from tcpros.error import TcprosError
-from tcpros.frame import MAX_MESSAGE
+from tcpros.frame import LENGTH_SIZE
 from tcpros.header import header_bytes, header_parser
 from tcpros.node_context import NodeContext, Pause
-from tcpros.reactor import BUFFER_SIZE, Timer
+from tcpros.reactor import Timer
+from tcpros.stream import message_parser
 
 
 class Sender(NamedTuple):
@@ -23,10 +22,6 @@ class Sender(NamedTuple):
 
 Taken = Callable[[memoryview, Sender], object]
 """Called with each message and its publisher. The message has no length prefix and is valid only during the call."""
-
-_LENGTH = struct.Struct("<I")
-_LARGE = BUFFER_SIZE // 4
-"""Longer messages are gathered in a buffer of their own [bytes]."""
 
 
 class PublisherConnection(DialledStream):
@@ -210,54 +205,21 @@ class _Connection(PublisherConnection):
         self.sender = Sender("", latching=False)  #: the publisher, once its header has arrived
         self.header: dict[str, str] = {}  #: the publisher's, once it has arrived
         self.message_bytes = 0  #: bytes of messages received
-        self._large: bytearray | None = None  # a message that is too large for the loop's buffer
-        self._gathered = 0  # how much of it has arrived [bytes]
 
     def greeted(self, header: dict[str, str]) -> None:
         """Takes the publisher's connection header."""
         self.header = header
         self.sender = Sender(header.get("callerid", ""), header.get("latching") == "1")
-        self.parse = self._messages
+        self.parse = message_parser(self, self._take)
 
     def closed(self, reason: str) -> None:
         """Reports the end to the publisher."""
         super().closed(reason)
         self._publisher.failed(reason)
 
-    def _messages(self, data: memoryview) -> int:
-        if self._large is not None:
-            return self._gather(self._large, data)
-        position, size = 0, len(data)
-        while size - position >= _LENGTH.size:
-            length = int(_LENGTH.unpack_from(data, position)[0])
-            end = position + _LENGTH.size + length
-            if end <= size:
-                self._take(data[position + _LENGTH.size : end])
-                position = end
-                continue
-            if length > MAX_MESSAGE:
-                raise TcprosError(f"a message of {length} bytes, above {MAX_MESSAGE}")
-            if length > _LARGE:
-                self._large = bytearray(length)
-                self._gathered = 0
-                position += _LENGTH.size
-                return position + self._gather(self._large, data[position:])
-            break
-        return position
-
-    def _gather(self, large: bytearray, data: memoryview) -> int:
-        """Takes a part of a message that is too large for the loop's buffer; returns how many bytes."""
-        count = min(len(data), len(large) - self._gathered)
-        large[self._gathered : self._gathered + count] = data[:count]
-        self._gathered += count
-        if self._gathered == len(large):
-            self._large = None
-            self._take(memoryview(large))
-        return count
-
     def _take(self, message: memoryview) -> None:
         if not self.message_bytes:
             # Only now: a connection that is refused after its header must not be retried without a pause.
             self._publisher.works()
-        self.message_bytes += _LENGTH.size + len(message)
+        self.message_bytes += LENGTH_SIZE + len(message)
         self._taken(message, self.sender)

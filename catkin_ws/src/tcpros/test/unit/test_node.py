@@ -3,13 +3,16 @@
 import logging
 import random
 import threading
-from collections.abc import Iterator
+import xmlrpc.client
+from collections.abc import Callable, Iterator
 from socketserver import ThreadingMixIn
 from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 from std_msgs.msg import String
+from std_srvs.srv import Empty
 
+from tcpros.client import Connection
 from tcpros.frame import MAX_MESSAGE
 from tcpros.node import Node
 from tcpros.node_context import NodeContext
@@ -164,6 +167,107 @@ def test_messages_of_any_size_arrive_whole_and_in_order(context: NodeContext, si
     send_once_connected()
     run_for(context)
     assert received == sent
+
+
+@pytest.mark.parametrize("size", [10, BUFFER_SIZE // 2, 300_000, 5_000_000])
+def test_a_latched_message_of_any_size_arrives_with_the_first_connection(
+    context: NodeContext, size: int
+) -> None:
+    message = random.Random(size).randbytes(size)
+    received = []
+    sender = Node(context, "/sender", lambda _: None)
+    receiver = Node(context, "/receiver", lambda _: None)
+    publication = sender.publish("/words", String, latching=True)
+    publication.send(len(message).to_bytes(4, "little") + message)
+
+    def take(data: memoryview, _sender: Sender) -> None:
+        received.append((bytes(data), len(publication.subscribers)))
+        receiver.close(lambda: sender.close(context.reactor.stop))
+
+    receiver.subscribe("/words", String, take).update([sender.uri])
+    run_for(context)
+    assert received == [(message, 1)]
+
+
+def client_thread(context: NodeContext, work: Callable[[], None]) -> None:
+    """Runs the event loop while a thread does a blocking client's work."""
+    errors = []
+
+    def run() -> None:
+        try:
+            work()
+        except (OSError, AssertionError, pytest.fail.Exception) as error:
+            errors.append(error)
+        context.reactor.call(context.reactor.stop)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    run_for(context)
+    thread.join()
+    assert not errors
+
+
+@pytest.mark.parametrize("may_wait", [False, True])
+def test_requests_and_responses_of_any_size_are_served_in_order(
+    context: NodeContext, may_wait: bool
+) -> None:
+    source = random.Random(7)
+    sizes = [0, 3, 65_536, 65_537, 131_072, 262_140, 262_144, 300_000, 4_000_000, 5]
+    requests = [source.randbytes(size) for size in sizes]
+
+    def answer(request: bytes) -> bytes:
+        return len(request).to_bytes(4, "little") + request[::-1]
+
+    node = Node(context, "/server", lambda _: None)
+    node.serve("/reverse", Empty, answer, may_wait)
+    address = ("127.0.0.1", int(node.uri.rsplit(":", 1)[1].rstrip("/")))
+
+    def work() -> None:
+        fields = {"service": "/reverse", "callerid": "/client", "md5sum": "*", "persistent": "1"}
+        with Connection(*address, fields) as connection:
+            # Pipelined: the next request arrives together with the end of the one before.
+            data = b"".join(len(one).to_bytes(4, "little") + one for one in requests)
+            writer = threading.Thread(target=connection._socket.sendall, args=(data,))
+            writer.start()
+            responses = []
+            for _ in requests:
+                assert connection._read(1) == b"\x01"
+                responses.append(connection.read_frame())
+            writer.join()
+        assert responses == [one[::-1] for one in requests]
+
+    client_thread(context, work)
+
+
+def test_an_api_call_longer_than_the_loops_buffer_is_answered(context: NodeContext) -> None:
+    """Masters list all publishers of a topic in one call, and send whole parameter trees."""
+    node = Node(context, "/one", lambda _: None)
+    values = []
+    node.watch("/tree", values.append)
+    tree = {f"key{number}": "x" * 1000 for number in range(500)}
+
+    def work() -> None:
+        with xmlrpc.client.ServerProxy(node.uri) as slave:
+            for _ in range(2):
+                slave.paramUpdate("/master", "/tree", tree)
+
+    client_thread(context, work)
+    assert values[-2:] == [tree, tree]
+
+
+def test_a_request_longer_than_allowed_closes_the_connection(context: NodeContext) -> None:
+    node = Node(context, "/server", lambda _: None)
+    node.serve("/reverse", Empty, lambda _: b"\0\0\0\0")
+    address = ("127.0.0.1", int(node.uri.rsplit(":", 1)[1].rstrip("/")))
+
+    def work() -> None:
+        fields = {"service": "/reverse", "callerid": "/client", "md5sum": "*"}
+        with Connection(*address, fields) as connection:
+            connection._socket.sendall((MAX_MESSAGE + 1).to_bytes(4, "little"))
+            with pytest.raises(ConnectionError):
+                connection._read(1)
+
+    client_thread(context, work)
 
 
 def test_a_message_longer_than_allowed_ends_the_connection_and_pauses_grow(
