@@ -2,10 +2,12 @@
 
 import asyncio
 import contextlib
+import itertools
+import math
 import threading
 import time
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import genpy
@@ -14,6 +16,7 @@ import rospy
 from fastapi import WebSocket, WebSocketDisconnect
 
 from pioneer_web.access.access_control import Role
+from pioneer_web.foxglove.frames import Frames
 from pioneer_web.foxglove.message_class import known_class, message_class, service_class
 from pioneer_web.foxglove.wire import (
     ENCODING,
@@ -28,65 +31,25 @@ from pioneer_web.foxglove.wire import (
     response_frame,
     rows,
 )
-from tcpros.client import Client, ClientError, Connection
+from tcpros.client import Client, ClientError
 
 LOOK_EVERY = 1.0
 """Poll interval for topics and services at the master while a client is connected [s]."""
+SOONEST = 0.2
+"""Shortest interval between polls, if a client subscribes [s]."""
+URIS_EVERY = 5.0
+"""Interval for reading the URIs of publishing nodes again [s]."""
 CONNECTING = 1.0
 """Time a new publisher waits for its first subscriber [s]."""
 EXPIRED = 4401
 """WebSocket close code: the session has expired."""
-BACKLOG = 200
-"""Queue size for a slow client [messages]; further messages are dropped."""
+BACKLOG, BACKLOG_BYTES = 200, 1 << 24
+"""Queue size for a slow client: number of frames, and total size [bytes]; further frames are dropped."""
 LONGEST_REQUEST = 1 << 18
 """Maximum length of a client's JSON request [characters]."""
 READ_ONLY = "this token is read-only"
 _SCHEMA = "ros1msg"
 _CAPABILITIES = ["clientPublish", "services"]
-
-
-class Source:
-    """Forwards a topic's raw frames to clients, with one connection and thread per publisher.
-
-    Does not use rospy, which shares one subscription per topic in a process: the page's are decoded and throttled.
-    """
-
-    def __init__(self, client: Client, topic: str, deliver: Callable[[str, bytes], None]) -> None:
-        self._client, self._topic, self._deliver = client, topic, deliver
-        self._connections: dict[str, Connection | None] = {}
-        self._lock, self._closed = threading.Lock(), False
-
-    def follow(self, publishers: set[str]) -> None:
-        """Connects to those of these nodes that are not connected yet."""
-        with self._lock:
-            fresh = publishers - self._connections.keys()
-            self._connections.update(dict.fromkeys(fresh))
-        for node in fresh:
-            threading.Thread(
-                target=self._read, args=(node,), name=f"{self._topic} of {node}", daemon=True
-            ).start()
-
-    def close(self) -> None:
-        """Ends all connections."""
-        with self._lock:
-            self._closed = True
-            for connection in self._connections.values():
-                if connection is not None:
-                    connection.interrupt()
-
-    def _read(self, node: str) -> None:
-        try:
-            with self._client.subscribe(node, self._topic) as connection:
-                connection.be_patient()
-                with self._lock:
-                    self._connections[node] = connection
-                while not self._closed:
-                    self._deliver(self._topic, connection.read_frame())
-        except (ClientError, OSError):
-            pass  # the publisher is gone; the next poll reconnects if it is back
-        finally:
-            with self._lock:
-                self._connections.pop(node, None)
 
 
 class Visitor:
@@ -99,6 +62,7 @@ class Visitor:
         self.channels: dict[str, int] = {}
         self.services: dict[str, int] = {}
         self._queue: asyncio.Queue[bytes | dict[str, Any]] = asyncio.Queue(BACKLOG)
+        self._queued_bytes = 0
 
     @property
     def may_act(self) -> bool:
@@ -119,9 +83,13 @@ class Visitor:
         self.subscriptions[number] = topic
 
     def send(self, frame: bytes | dict[str, Any]) -> None:
-        """Queues a frame for sending; drops it if the queue is full."""
+        """Queues a frame for sending; drops it if the queue is full. A frame of any size fits into an empty one."""
+        size = len(frame) if isinstance(frame, bytes) else 0
+        if self._queued_bytes and self._queued_bytes + size > BACKLOG_BYTES:
+            return
         with contextlib.suppress(asyncio.QueueFull):
             self._queue.put_nowait(frame)
+            self._queued_bytes += size
 
     def complain(self, text: str) -> None:
         """Shows an error to the user."""
@@ -131,34 +99,36 @@ class Visitor:
         """Sends queued frames in an endless loop."""
         while True:
             frame = await self._queue.get()
-            await (
-                self.socket.send_bytes(frame)
-                if isinstance(frame, bytes)
-                else self.socket.send_json(frame)
-            )
+            if isinstance(frame, bytes):
+                await self.socket.send_bytes(frame)
+                self._queued_bytes -= len(frame)
+            else:
+                await self.socket.send_json(frame)
 
 
 class Foxglove:
     """The endpoint for Foxglove, Lichtblick and other clients of the protocol.
 
-    Threads: the server's event loop; one per publisher of each subscribed topic.
+    Threads: the server's event loop; one that reads all subscribed topics (`Frames`).
     """
 
     def __init__(self) -> None:
         # Separate node name: publishers drop a connection when another with the same name arrives, here the page's.
-        self._client = Client(rosgraph.get_master_uri(), f"{rospy.get_name()}_foxglove")
+        name = f"{rospy.get_name()}_foxglove"
+        self._client = Client(rosgraph.get_master_uri(), name)
         self._visitors: set[Visitor] = set()
-        self._sources: dict[str, Source] = {}
+        self._frames = Frames(name, self._deliver)
+        self._uris: dict[str, str] = {}
+        self._uris_read = -math.inf
         self._numbers: dict[tuple[str, str], int] = {}
-        self._state: tuple[dict[str, str], dict[str, set[str]], dict[str, str]] = ({}, {}, {})
+        self._fresh_numbers = itertools.count(1)
+        self._hurry = asyncio.Event()
+        self._state: tuple[dict[str, str], dict[str, list[str]], dict[str, str]] = ({}, {}, {})
         self._looking: asyncio.Task[None] | None = None
-        self._loop: asyncio.AbstractEventLoop | None = None
 
     def close(self) -> None:
         """Ends all connections to the fleet."""
-        for source in self._sources.values():
-            source.close()
-        self._sources.clear()
+        self._frames.close()
 
     async def serve(self, socket: WebSocket) -> None:
         """Serves one client until it disconnects."""
@@ -173,7 +143,6 @@ class Foxglove:
             }
         )  # fmt: skip
         self._visitors.add(visitor)
-        self._loop = asyncio.get_running_loop()
         forwarding = asyncio.create_task(visitor.forward())
         if self._looking is None:
             self._looking = asyncio.create_task(self._look())
@@ -217,7 +186,7 @@ class Foxglove:
             case "subscribe":
                 for one in rows(fields, "subscriptions", id=int, channelId=int):
                     visitor.subscribe(one["id"], one["channelId"])
-                self._follow()
+                self._hurry.set()
             case "unsubscribe":
                 for number in numbers(fields, "subscriptionIds"):
                     visitor.subscriptions.pop(number, None)
@@ -284,16 +253,30 @@ class Foxglove:
             with contextlib.suppress(
                 ClientError, OSError
             ):  # the master is unavailable: retried below
-                self._state = await asyncio.to_thread(self._graph)
+                read = {
+                    topic for visitor in self._visitors for topic in visitor.subscriptions.values()
+                }
+                self._state = await asyncio.to_thread(self._graph, read)
+                self._forget_numbers()
                 for visitor in self._visitors:
                     self._announce(visitor)
                 self._follow()
             for visitor in [one for one in self._visitors if not one.socket.scope["still"]()]:
                 with contextlib.suppress(RuntimeError):  # it has just disconnected
                     await visitor.socket.close(EXPIRED)
-            await asyncio.sleep(LOOK_EVERY)
+            self._hurry.clear()
+            await asyncio.sleep(SOONEST)
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._hurry.wait(), LOOK_EVERY - SOONEST)
 
-    def _graph(self) -> tuple[dict[str, str], dict[str, set[str]], dict[str, str]]:
+    def _forget_numbers(self) -> None:
+        """Forgets the numbers of topics and services that are gone, which any client of the master can add."""
+        topics, _, services = self._state
+        known = {("topic", name) for name in topics} | {("service", name) for name in services}
+        self._numbers = {key: number for key, number in self._numbers.items() if key in known}
+
+    def _graph(self, read: set[str]) -> tuple[dict[str, str], dict[str, list[str]], dict[str, str]]:
+        """Returns each topic's type, the URIs of the publishers of those in ``read``, and each service's type."""
         publishers, _, services = self._client.ask_master("getSystemState")
         types = dict(self._client.ask_master("getTopicTypes"))
         mine = rospy.get_name()
@@ -303,13 +286,29 @@ class Foxglove:
             for topic in nodes
             if message_class(types.get(topic, "")) is not None
         }
+        uris = self._uris_of(set().union(*(nodes.get(topic, set()) for topic in read)))
+        sources = {
+            topic: sorted(uris[node] for node in nodes.get(topic, set()) if node in uris)
+            for topic in read
+        }
         known = self._state[2]
         kinds = {
             name: known.get(name) or self._service_type(name)
             for name, _ in services
             if "logger" not in name
         }
-        return topics, nodes, {name: kind for name, kind in kinds.items() if kind}
+        return topics, sources, {name: kind for name, kind in kinds.items() if kind}
+
+    def _uris_of(self, nodes: set[str]) -> dict[str, str]:
+        """Returns the URIs of nodes, which change when a node is started again."""
+        if time.monotonic() - self._uris_read > URIS_EVERY:
+            self._uris.clear()
+            self._uris_read = time.monotonic()
+        self._uris = {node: uri for node, uri in self._uris.items() if node in nodes}
+        for node in nodes - self._uris.keys():
+            with contextlib.suppress(ClientError):  # it has just left
+                self._uris[node] = str(self._client.ask_master("lookupNode", node))
+        return self._uris
 
     def _service_type(self, name: str) -> str:
         try:
@@ -332,6 +331,10 @@ class Foxglove:
             channels = [self._channel(topic, kind) for topic, kind in fresh.items()]
             visitor.channels.update((one["topic"], one["id"]) for one in channels)
             visitor.send({"op": "advertise", "channels": channels})
+        ended = [name for name in visitor.services if name not in services]
+        if ended:
+            ids = [visitor.services.pop(name) for name in ended]
+            visitor.send({"op": "unadvertiseServices", "serviceIds": ids})
         added = {name: kind for name, kind in services.items() if name not in visitor.services}
         if added and visitor.may_act:
             offers = [self._service(name, kind) for name, kind in added.items()]
@@ -339,7 +342,9 @@ class Foxglove:
             visitor.send({"op": "advertiseServices", "services": offers})
 
     def _number(self, kind: str, name: str) -> int:
-        return self._numbers.setdefault((kind, name), len(self._numbers) + 1)
+        if (kind, name) not in self._numbers:
+            self._numbers[kind, name] = next(self._fresh_numbers)
+        return self._numbers[kind, name]
 
     def _channel(self, topic: str, kind: str) -> dict[str, Any]:
         schema = {
@@ -367,16 +372,7 @@ class Foxglove:
     def _follow(self) -> None:
         """Connects to all topics that clients subscribe to; closes the others."""
         wanted = {topic for visitor in self._visitors for topic in visitor.subscriptions.values()}
-        for topic in [*self._sources]:
-            if topic not in wanted:
-                self._sources.pop(topic).close()
-        for topic in wanted:
-            source = self._sources.setdefault(topic, Source(self._client, topic, self._arrived))
-            source.follow(self._state[1].get(topic, set()))
-
-    def _arrived(self, topic: str, body: bytes) -> None:
-        if self._loop is not None and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._deliver, topic, time.time_ns(), body)
+        self._frames.follow({topic: self._state[1].get(topic, []) for topic in wanted})
 
     def _deliver(self, topic: str, stamp: int, body: bytes) -> None:
         for visitor in self._visitors:
