@@ -10,7 +10,7 @@ from containers.engine import Computer
 
 _WORKSPACE = "/opt/pioneer/catkin_ws"
 REPORT = (
-    f"{_WORKSPACE}/src/pioneer_node/scripts/forked",
+    f"{_WORKSPACE}/src/pioneer_launch/scripts/forked",
     f"{_WORKSPACE}/devel/lib/pioneer_fleet/report",
 )
 """The command without the arguments of ``report``. As a fork of the computer's process it need not import rospy."""

@@ -157,7 +157,7 @@ def test_an_idle_computer_says_that_no_server_will_listen(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("role", "program", "words"),
     [
-        ("base", "pioneer_node/computer", "2"),
+        ("base", "pioneer_launch/computer", "2"),
         ("robot", "pioneer_gazebo/run-pioneer-nav-local", "1"),
     ],
 )

@@ -1,12 +1,12 @@
 # pioneer_programs([WITHOUT_NUMPY] [ON_PATH] NAME=MODULE[:FUNCTION] …): makes programs, for rosrun and launch files, that
 # call a function of a module, main by default. WITHOUT_NUMPY is for those that compute nothing
-# (pioneer_node.nodes.patch); ON_PATH for those that every terminal that sources the workspace finds by their name.
+# (pioneer_node.adapters.light_import); ON_PATH for those that every terminal that sources the workspace finds by their name.
 # They are whole in the devel space: an image needs no build folder to run them.
 function(pioneer_programs)
   cmake_parse_arguments(ARG "WITHOUT_NUMPY;ON_PATH" "" "" ${ARGN})
   set(import "from importlib import import_module as imported")
   if(ARG_WITHOUT_NUMPY)
-    set(import "from pioneer_node.nodes.patch import import_without_numpy as imported")
+    set(import "from pioneer_node.adapters.light_import import import_without_numpy as imported")
   endif()
   set(destinations ${CATKIN_PACKAGE_BIN_DESTINATION})
   if(ARG_ON_PATH)

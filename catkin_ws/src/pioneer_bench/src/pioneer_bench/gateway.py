@@ -13,7 +13,7 @@ from pioneer_bench.adapters.rule_trial import call_rows, cut_rows, fault_rows, p
 from pioneer_bench.core.row import Row
 from pioneer_bench.report import finish
 from pioneer_harness.error import HarnessError
-from pioneer_node.nodes.patch import tell_registrations, wake_master_workers
+from pioneer_launch.patch import tell_registrations, wake_master_workers
 from tcpros.client import ClientError
 
 

@@ -1,1 +1,1 @@
-"""Shared basis of all nodes in this workspace: parameters, frames, entry point, launchers."""
+"""Shared basis of all nodes in this workspace: parameters, frames, entry point."""

@@ -36,7 +36,7 @@ from pioneer_fleet.registry import Entry, RegistryError
 from pioneer_harness.error import ProcessDiedError
 from pioneer_harness.masters import is_running
 from pioneer_harness.process import Death, last_lines
-from pioneer_node.nodes.patch import keep_publisher_updates
+from pioneer_launch.patch import keep_publisher_updates
 
 if TYPE_CHECKING:  # imported at run time by a lockstep demo only
     from pioneer_demo.run.course import Course

@@ -26,7 +26,7 @@ from pioneer_fleet.monitor.monitor import deviation_from_covariance
 from pioneer_fleet.monitor.report import Report, Stage, states_of
 from pioneer_fleet.monitor.tour import Place, places_from_mapping, tour
 from pioneer_fleet.tolerance import tolerant
-from pioneer_node.nodes import patch
+from pioneer_launch import patch
 
 MASTER_LOOK = 0.2
 """Poll interval for a master that is not up yet [s]: it does not announce its start."""

@@ -1,1 +1,1 @@
-"""Code that needs rospy: node entry point, launchers, dynamic reconfigure, patches of rospy."""
+"""Code that needs rospy: node entry point, dynamic reconfigure."""

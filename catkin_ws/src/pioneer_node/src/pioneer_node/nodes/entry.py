@@ -2,6 +2,7 @@
 
 import contextlib
 import http.client
+import importlib
 import io
 import logging
 import os
@@ -18,7 +19,6 @@ from pioneer_node.adapters.end_request import EndRequest
 from pioneer_node.adapters.heap import limit_arenas
 from pioneer_node.core.parameter import UNKNOWN, ParameterError
 from pioneer_node.core.ring import MEMBERS
-from pioneer_node.nodes import patch
 
 _STRICT = "strict_parameters"
 _ending = EndRequest()
@@ -54,12 +54,7 @@ def run(
     ending = threading.Thread(target=_shut_down_when_asked, name="shutdown", daemon=True)
     ending.start()
     _ending.take_signals(signal.SIGINT, signal.SIGTERM)
-    patch.allow_publishing_at_shutdown()
-    patch.log_broken_requests()
-    patch.keep_publisher_updates()
-    patch.write_at_once()
-    patch.stop_serving_at_shutdown()
-    patch.keep_accepting(is_ending, _ending.wait)
+    _patch_rospy()
     rospy.init_node(name, disable_rostime=wall_time, disable_signals=True)
     _initialised.set()
     status = _spun(name, build if wall_time else _as_member(build), expected)
@@ -67,6 +62,23 @@ def run(
         ending.join()  # the process ends once the node is unregistered
         _leave(status)
     return status
+
+
+def _patch_rospy() -> None:
+    """Applies the patches of pioneer_launch; without that package, rospy stays as it is."""
+    try:
+        # By name: pioneer_launch is built on this package.
+        patch = importlib.import_module("pioneer_launch.patch")
+    except ModuleNotFoundError as error:
+        if error.name != "pioneer_launch":
+            raise
+        return
+    patch.allow_publishing_at_shutdown()
+    patch.log_broken_requests()
+    patch.keep_publisher_updates()
+    patch.write_at_once()
+    patch.stop_serving_at_shutdown()
+    patch.keep_accepting(is_ending, _ending.wait)
 
 
 def _leave(status: int) -> NoReturn:

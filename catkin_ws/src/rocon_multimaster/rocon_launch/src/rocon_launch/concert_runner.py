@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import psutil
 
+from pioneer_launch.fork_server import lent_server
 from pioneer_node.adapters.end_request import EndRequest
-from pioneer_node.adapters.fork_server import lent_server
 from rocon_launch.concert import Launch
 from rocon_launch.roslaunch import RoslaunchProcess
 

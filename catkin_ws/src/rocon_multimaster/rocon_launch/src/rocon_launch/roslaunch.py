@@ -8,8 +8,8 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 
-from pioneer_node.adapters.fork_server import ForkedProcess, ForkServer
-from pioneer_node.core.program import early_differences
+from pioneer_launch.fork_server import ForkedProcess, ForkServer
+from pioneer_launch.program import early_differences
 from rocon_launch.concert import Launch
 
 _REST = 1.0

@@ -7,8 +7,8 @@ from pathlib import Path
 
 DRIVER = """
     import os, sys
-    from pioneer_node.adapters.fork_server import start_server
-    from pioneer_node.adapters.forked_program import Program
+    from pioneer_launch.fork_server import start_server
+    from pioneer_launch.forked_program import Program
     from rocon_launch.roslaunch import RoslaunchProcess
     from rocon_launch.concert import launches_from_text
 

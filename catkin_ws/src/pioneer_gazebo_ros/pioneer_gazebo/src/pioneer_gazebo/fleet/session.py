@@ -20,8 +20,8 @@ from rospkg import ResourceNotFound, RosPack, get_log_dir
 
 from pioneer_gazebo.error import SimulatorError
 from pioneer_gazebo.fleet.argument import usage
+from pioneer_launch import launcher
 from pioneer_node.adapters.end_request import EndRequest
-from pioneer_node.nodes import launcher
 
 # A node gets SIGINT, then SIGTERM after the first time limit, then SIGKILL after the second [s].
 SIGINT_TIMEOUT, SIGTERM_TIMEOUT = 2.0, 1.0

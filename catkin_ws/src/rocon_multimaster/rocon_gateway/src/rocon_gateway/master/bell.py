@@ -42,7 +42,7 @@ class Ration:
 class MasterBell:
     """Waits until the next poll of a master is due. For one thread only.
 
-    A master started by our own launcher offers the call ``awaitRegistrations`` (`pioneer_node.nodes.patch`), which
+    A master started by our own launcher offers the call ``awaitRegistrations`` (`pioneer_launch.patch`), which
     returns when a node has registered. Any other master returns an error and is not asked again.
 
     Args:

@@ -9,8 +9,8 @@ import pytest
 
 START = """
 import json, os, select, signal, sys, time
-from pioneer_node.adapters.fork_server import ForkServerError, start_server
-from pioneer_node.adapters.forked_program import Program
+from pioneer_launch.fork_server import ForkServerError, start_server
+from pioneer_launch.forked_program import Program
 server = start_server()
 if isinstance(server, Program):
     server.run()

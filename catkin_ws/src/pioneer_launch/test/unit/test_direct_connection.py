@@ -13,7 +13,7 @@ from rospy.impl.tcpros_pubsub import TCPROSPub
 from std_msgs.msg import String
 
 from pioneer_harness.wait import wait_until
-from pioneer_node.nodes.direct_connection import DirectConnection
+from pioneer_launch.direct_connection import DirectConnection
 
 PATIENCE = 20.0
 Pair = tuple[TCPROSTransport, socket.socket]

@@ -1,6 +1,6 @@
 import pytest
 
-from pioneer_node.core.program import early_differences, interpreter
+from pioneer_launch.program import early_differences, interpreter
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable
 from types import SimpleNamespace
 from typing import Any
 
+from pioneer_launch.process_end import await_end
 from pioneer_node.adapters.end_request import EndRequest
-from pioneer_node.adapters.process_end import await_end
 
 LONGEST = 2.0
 """Maximum time roslaunch waits without an event [s]."""

@@ -46,7 +46,7 @@ class Machine:
             if not name.startswith(("LC_", "LANG"))
         }
         self.environment = {**others, "PIONEER_FORK_SOCKET": str(self.socket)}
-        main = "from pioneer_node.nodes.computer import main\nraise SystemExit(main())"
+        main = "from pioneer_launch.computer import main\nraise SystemExit(main())"
         self._computer = installed(folder, "pioneer_node", main)
 
     def start(self) -> "subprocess.Popen[str]":

@@ -1,4 +1,4 @@
-"""Nodes that do not compute anything do not load numpy, but can if they need it."""
+"""Patches of ROS's own Python packages, each in an interpreter of its own."""
 
 import subprocess
 import sys
@@ -6,49 +6,11 @@ from pathlib import Path
 
 import pytest
 
-LATER = """
-import sys
-from pioneer_node.nodes.patch import import_without_numpy
-import_without_numpy("rospy")
-assert "numpy" not in sys.modules
-import io, numpy
-from geometry_msgs.msg import Point
-out = io.BytesIO()
-Point(numpy.float64(1.0), 2.0, 3.0).serialize(out)
-assert len(out.getvalue()) == 24
-"""
-BEFORE = """
-import numpy, sys
-from pioneer_node.nodes.patch import import_without_numpy
-import_without_numpy("rospy")
-assert sys.modules["numpy"] is numpy
-"""
-NODES = [
-    "rocon_gateway.node.gateway",
-    "rocon_hub.hub",
-    "simple_navigation_goals.map_navigation_client",
-]
-
-
-@pytest.mark.parametrize("code", [LATER, BEFORE], ids=["numpy after it", "numpy before it"])
-def test_numpy_can_be_used_all_the_same(code: str) -> None:
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
-@pytest.mark.parametrize("node", NODES)
-def test_a_node_that_computes_nothing_does_without(node: str) -> None:
-    code = (
-        "import sys; from pioneer_node.nodes.patch import import_without_numpy\n"
-        f"import_without_numpy('{node}'); sys.exit('numpy' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
 OVERTAKEN = """
 import threading
 import rospy
 from rospy.impl.registration import RegManager
-from pioneer_node.nodes.patch import keep_publisher_updates
+from pioneer_launch.patch import keep_publisher_updates
 keep_publisher_updates()
 connected = threading.Event()
 class Handler:
@@ -71,7 +33,7 @@ def test_a_publisher_that_registers_during_a_subscription_is_connected() -> None
 MASTER = """
 import threading, time
 from rosmaster.threadpool import MarkedThreadPool
-from pioneer_node.nodes.patch import wake_master_workers
+from pioneer_launch.patch import wake_master_workers
 wake_master_workers()
 pool, began, order = MarkedThreadPool(3), time.monotonic(), []
 for _ in range(200):
@@ -106,7 +68,7 @@ def test_master_does_its_work_at_once_and_in_order() -> None:
 
 TELLING = """
 import threading, time
-from pioneer_node.nodes.patch import tell_registrations
+from pioneer_launch.patch import tell_registrations
 tell_registrations()
 from rosmaster.master_api import ROSMasterHandler
 master = ROSMasterHandler()
@@ -130,7 +92,7 @@ def test_master_tells_at_once_that_somebody_registered() -> None:
 SERVING = """
 import contextlib, threading, xmlrpc.client
 from rosgraph.xmlrpc import XmlRpcHandler, XmlRpcNode
-from pioneer_node.nodes.patch import stop_serving_at_shutdown
+from pioneer_launch.patch import stop_serving_at_shutdown
 stop_serving_at_shutdown()
 ready = threading.Event()
 class Handler(XmlRpcHandler):
@@ -159,7 +121,7 @@ def test_thread_that_serves_requests_ends_at_shutdown() -> None:
 VERSIONS = """
 import subprocess
 from roslaunch.loader import Loader
-from pioneer_node.nodes.patch import read_versions_here
+from pioneer_launch.patch import read_versions_here
 commands = ["rosversion roslaunch", "rosversion -d"]
 def values():
     return [Loader().param_value(False, "name", "auto", None, None, None, command) for command in commands]
@@ -173,7 +135,7 @@ assert Loader().param_value(False, "name", "int", "3", None, None, None) == 3
 """
 NO_VERSION = """
 from roslaunch.loader import Loader
-from pioneer_node.nodes.patch import read_versions_here
+from pioneer_launch.patch import read_versions_here
 read_versions_here()
 try:
     Loader().param_value(False, "name", "auto", None, None, None, "rosversion none_such")
@@ -203,7 +165,7 @@ def test_launchers_share_no_setuptools() -> None:
 PACKAGES = """
 import os, sys
 from pathlib import Path
-from pioneer_node.nodes.patch import remember_packages
+from pioneer_launch.patch import remember_packages
 folder = Path(sys.argv[1])
 os.environ["ROS_PACKAGE_PATH"] = f"{folder / 'first'}:{folder / 'second'}"
 def add(where, name):

@@ -18,8 +18,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from pioneer_node.adapters.fork_client import SOCKET, SWITCH
-from pioneer_node.adapters.fork_server import (
+from pioneer_launch.fork_client import SOCKET, SWITCH
+from pioneer_launch.fork_server import (
     ForkedProcess,
     ForkServer,
     ForkServerError,
@@ -28,17 +28,17 @@ from pioneer_node.adapters.fork_server import (
     listen,
     start_server,
 )
-from pioneer_node.adapters.forked_program import Program
-from pioneer_node.core.program import early_differences, interpreter
-from pioneer_node.nodes.patch import (
-    import_without_numpy,
+from pioneer_launch.forked_program import Program
+from pioneer_launch.patch import (
     leave_setuptools_out,
     read_versions_here,
     remember_packages,
     tell_registrations,
     wake_master_workers,
 )
-from pioneer_node.nodes.process_watch import watch_processes
+from pioneer_launch.process_watch import watch_processes
+from pioneer_launch.program import early_differences, interpreter
+from pioneer_node.adapters.light_import import import_without_numpy
 
 _SHARED = (
     "numpy", "numpy.typing", "difflib", "encodings.idna", "rospy", "roslaunch", "rosmaster", "actionlib",

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from pioneer_node.nodes.process_watch import LONGEST, ProcessWatch
+from pioneer_launch.process_watch import LONGEST, ProcessWatch
 
 PATIENCE = 20.0
 

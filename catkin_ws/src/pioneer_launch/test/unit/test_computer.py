@@ -12,7 +12,7 @@ import pytest
 COMMAND = [
     sys.executable,
     "-c",
-    "from pioneer_node.nodes.computer import main; raise SystemExit(main())",
+    "from pioneer_launch.computer import main; raise SystemExit(main())",
 ]
 WAITS = (
     """sh -c 'trap "echo interrupted; exit 0" INT; echo started; while :; do sleep 0.05; done'"""
@@ -72,12 +72,12 @@ def test_steps_run_also_where_the_socket_cannot_be_made(tmp_path: Path, folder: 
 def test_computer_run_by_a_path_with_dots_forks_launchers_and_their_nodes_from_one_server(
     tmp_path: Path,
 ) -> None:
-    main = "from pioneer_node.nodes.computer import main\nraise SystemExit(main())"
+    main = "from pioneer_launch.computer import main\nraise SystemExit(main())"
     _installed(tmp_path, "pioneer_node", "computer", main)
     node = _installed(tmp_path, "nodes", "node", "import os\nprint('node', os.getppid())")
     launcher = """
         import os, signal, sys
-        from pioneer_node.nodes import launcher
+        from pioneer_launch import launcher
 
         print("launcher", os.getppid(), flush=True)
         server = launcher.shared_server()

@@ -14,12 +14,12 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 
+from pioneer_launch import launcher
+from pioneer_launch.fork_client import SWITCH
+from pioneer_launch.fork_server import ForkServer
+from pioneer_launch.forked_program import Program
+from pioneer_launch.process_end import await_end
 from pioneer_node.adapters.end_request import EndRequest
-from pioneer_node.adapters.fork_client import SWITCH
-from pioneer_node.adapters.fork_server import ForkServer
-from pioneer_node.adapters.forked_program import Program
-from pioneer_node.adapters.process_end import await_end
-from pioneer_node.nodes import launcher
 
 _LOOK = 0.1
 """Poll interval for steps that were asked to end [s]."""

@@ -24,8 +24,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pioneer_node.adapters import process_title
-from pioneer_node.adapters.forked_program import Program, settle
+from pioneer_launch import process_title
+from pioneer_launch.forked_program import Program, settle
 
 _LARGEST = 1 << 20
 """Maximum request size [bytes]; above the default limit of such a socket."""
