@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from drawn_room import grid_from_text
+from drawn_room import enlarged
 
 from nav_bundle.base.pose import Pose
-from nav_bundle.base.velocity import Velocity
+from nav_bundle.base.velocity import STANDSTILL, Velocity
 from nav_bundle.costmap.costmap import Costmap
+from nav_bundle.move_base import navigator
 from nav_bundle.move_base.config import setup_from_parameters
 from nav_bundle.move_base.navigator import Navigator, Sight
 from nav_bundle.move_base.state_machine import Outcome, Phase
@@ -23,6 +24,7 @@ class Robot:
     """A navigator in an empty room, with a robot that is carried about."""
 
     def __init__(self, planner):
+        self.planner = planner
         local = {
             "latch_xy_goal_tolerance": True,
             "xy_goal_tolerance": 0.25,
@@ -40,20 +42,21 @@ class Robot:
         self.costmaps = [self.costmap(each) for each in config]
         self.navigator = Navigator(self.setup, *self.costmaps, lambda: None)
         self.pose = NEAR
+        self.goal = GOAL
         self.now = 100.0
 
     def costmap(self, config):
         costmap = Costmap(config)
-        costmap.set_map(grid_from_text(ROOM, 1.0))
+        costmap.set_map(enlarged(ROOM, 20))
         costmap.update(NEAR, [])
         return costmap
 
     def begin(self):
-        return self.navigator.begin(GOAL, self.pose, self.now)
+        return self.navigator.begin(self.goal, self.pose, self.now)
 
-    def cycle(self):
+    def cycle(self, velocity=STANDSTILL):
         self.now += 0.05
-        return self.navigator.cycle(Sight(self.pose, self.pose, Pose(), Velocity(), True), self.now)
+        return self.navigator.cycle(Sight(self.pose, self.pose, Pose(), velocity, True), self.now)
 
     def until(self, condition):
         for _ in range(100):
@@ -90,10 +93,53 @@ def test_a_goal_that_was_ended_near_it_is_not_reached_from_afar(robot, end):
     assert cycle.finish is None
 
 
-def test_a_new_goal_finds_the_local_planner_as_new(robot):
+def test_a_new_goal_s_plan_finds_the_local_planner_as_new(robot):
     robot.begin()
     for _ in range(20):
         robot.cycle()
     assert robot.navigator.phase is Phase.CONTROLLING
     robot.begin()
+    cycle = robot.until(lambda cycle: cycle.plan is not None)
+    fresh = robot.setup.make_local_planner()
+    fresh.set_plan(cycle.plan)
+    assert fields_of(robot.navigator._controller) == fields_of(fresh)
+
+
+def test_a_restarted_goal_finds_the_local_planner_as_new(robot):
+    robot.begin()
+    for _ in range(20):
+        robot.cycle()
+    assert robot.navigator.restart(robot.pose, robot.now).command == STANDSTILL
     assert fields_of(robot.navigator._controller) == fields_of(robot.setup.make_local_planner())
+
+
+def way_in(robot, goal_period):
+    """Returns how far [m] the robot drives in 8 s if its goal is sent again every ``goal_period`` [s]."""
+    robot.pose = start = Pose(1.5, 3.0, 0.0)
+    robot.goal = Pose(8.0, 3.0, 0.0)
+    velocity = Velocity()
+    robot.begin()
+    due = robot.now + goal_period
+    for _ in range(160):
+        if robot.now >= due:
+            due += goal_period
+            begun = robot.begin()
+            velocity = begun.command or velocity
+        velocity = robot.cycle(velocity).command or velocity
+        robot.pose = robot.pose.compose(Pose(0.05 * velocity.x, 0.0, 0.05 * velocity.turn))
+    return robot.pose.distance(start)
+
+
+@pytest.mark.parametrize("frequency", [1.0, 5.0, 10.0, 20.0])
+def test_the_same_goal_again_and_again_does_not_slow_the_robot(robot, frequency):
+    alone = way_in(robot, 1000.0)
+    again = way_in(Robot(robot.planner), 1.0 / frequency)
+    assert again > 0.95 * alone > 1.0
+
+
+def test_goals_that_arrive_faster_than_searches_end_do_not_slow_the_robot(robot, monkeypatch):
+    alone = way_in(robot, 1000.0)
+    monkeypatch.setattr(navigator, "_CELLS_DRIVING", 300)
+    another = Robot(robot.planner)
+    assert way_in(another, 0.05) > 0.95 * alone
+    assert another.navigator._state.follows_earlier, "the searches were not slow"

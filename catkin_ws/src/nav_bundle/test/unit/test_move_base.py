@@ -1,7 +1,9 @@
 """move_base's state machine: its transitions, and when it gives up."""
 
+import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from geometry_msgs.msg import Point, Quaternion
 from geometry_msgs.msg import Pose as PoseMessage
@@ -22,7 +24,6 @@ from nav_bundle.move_base.state_machine import (
     StartPlanning,
     StartRecovery,
     State,
-    StopPlanning,
     Trigger,
     Warn,
     advance,
@@ -171,14 +172,69 @@ def test_a_cancelled_goal_is_preempted_and_the_robot_stops():
     assert machine.command == STANDSTILL
 
 
-def test_a_new_goal_replaces_the_one_under_way():
+def test_a_new_goal_replaces_the_one_under_way_while_the_robot_drives_on():
     machine = Machine()
     machine.drive()
-    assert machine.cycle(new_goal=True, control=GO, pose=Pose()) == (
-        StopPlanning(),
-        StartPlanning(),
-    )
-    assert machine.state.phase is Phase.PLANNING
+    assert machine.cycle(new_goal=True, pose=Pose()) == (StartPlanning(),)
+    assert (machine.state.phase, machine.command) == (Phase.CONTROLLING, None)
+    machine.cycle(control=GO)
+    assert machine.command == GO
+    assert machine.cycle(plan=PlanOutcome.FOUND, control=GO) == (FollowPlan(),)
+    assert (machine.command, machine.state.follows_earlier) == (GO, False)
+
+
+def test_the_end_of_the_earlier_plan_is_not_the_new_goal():
+    machine = Machine()
+    machine.drive()
+    machine.cycle(new_goal=True, pose=Pose())
+    machine.cycle(control=STANDSTILL, reached=True)
+    assert machine.state.phase is Phase.CONTROLLING
+    machine.cycle(plan=PlanOutcome.FOUND, control=STANDSTILL, reached=True)
+    assert finish(machine) is None
+    machine.cycle(reached=True)
+    assert finish(machine) == Finish(Outcome.SUCCEEDED, "Goal reached.")
+
+
+def test_the_remaining_way_to_an_earlier_goal_is_no_progress():
+    machine = Machine()
+    machine.drive()
+    machine.cycle(control=GO, remaining=1.0)
+    machine.cycle(new_goal=True, pose=Pose())
+    machine.cycle(control=GO, remaining=0.5)
+    assert math.isinf(machine.state.progress.least)
+    machine.cycle(plan=PlanOutcome.FOUND, control=GO)
+    machine.cycle(control=GO, remaining=9.0)
+    assert machine.state.progress.least == 9.0
+
+
+def test_a_search_to_an_earlier_goal_is_followed_by_one_to_the_newest():
+    machine = Machine()
+    machine.drive()
+    machine.cycle(new_goal=True, pose=Pose())
+    earlier = machine.state.goal
+    machine.cycle(new_goal=True, pose=Pose())
+    events = machine.cycle(plan=PlanOutcome.FOUND, searched_goal=earlier, control=GO)
+    assert (events, machine.command) == ((FollowPlan(), StartPlanning()), GO)
+    assert machine.state.follows_earlier
+
+
+def test_the_first_failed_search_for_a_new_goal_stops_the_robot():
+    machine = Machine()
+    machine.drive()
+    machine.cycle(new_goal=True, pose=Pose())
+    machine.cycle(plan=PlanOutcome.FAILED, control=GO)
+    assert (machine.state.phase, machine.command) == (Phase.PLANNING, STANDSTILL)
+    machine.until(lambda m: m.state.phase is Phase.CLEARING, plan=PlanOutcome.FAILED)
+    assert machine.now == pytest.approx(5.0, abs=0.5)
+
+
+def test_a_failed_search_for_the_earlier_goal_does_not_stop_the_robot():
+    machine = Machine()
+    machine.drive()
+    earlier = machine.state.goal
+    machine.cycle(new_goal=True, pose=Pose())
+    events = machine.cycle(plan=PlanOutcome.FAILED, searched_goal=earlier, control=GO)
+    assert (events, machine.command) == ((StartPlanning(),), GO)
 
 
 def test_without_control_it_plans_again_until_patience_ends():
@@ -336,3 +392,30 @@ def test_a_standing_robot_searches_again_at_once_whatever_the_planner_frequency(
     state, _, _ = advance(State(), Inputs(new_goal=True, pose=Pose()), 0.0, limits)
     state, _, _ = advance(state, Inputs(pose=Pose(), plan=PlanOutcome.FAILED), 1.0, limits)
     assert state.plan_due <= 1.11
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_a_robot_drives_only_with_a_goal_recent_sensors_and_a_plan(seed: int) -> None:
+    """Goals, cancels, sensor faults and searches that end for the newest or an earlier goal, in random order."""
+    generator = np.random.default_rng(seed)
+    machine = Machine()
+    for _ in range(400):
+        before = machine.state
+        machine.cycle(
+            new_goal=generator.random() < 0.1,
+            cancel=generator.random() < 0.02,
+            current=generator.random() < 0.95,
+            plan=generator.choice(list(PlanOutcome), p=[0.7, 0.2, 0.1]),
+            searched_goal=max(before.goal - int(generator.integers(3)), 0),
+            control=GO if generator.random() < 0.95 else None,
+            recovered=generator.random() < 0.3,
+            reached=generator.random() < 0.02,
+            pose=Pose(),
+        )
+        assert machine.command != GO or machine.state.phase is Phase.CONTROLLING
+        assert machine.state.phase is not Phase.IDLE or machine.command in (None, STANDSTILL)
+        if before.phase is Phase.IDLE:
+            assert machine.command != GO
+        if finish(machine) is not None:
+            assert (machine.state, machine.command) == (State(), STANDSTILL)
+            assert finish(machine).outcome is not Outcome.SUCCEEDED or not before.follows_earlier

@@ -127,8 +127,12 @@ class Navigator:
         self._search: Search | PlannerError | None = (
             None  #: the error if the search could not start
         )
+        self._searched_goal = 0  # number of the search's goal
         self._path: Path | None = None
         self._choice = PlanChoice()
+        self._chosen_goal = (
+            0  # number of the goal of ``_choice`` and of what the controller remembers
+        )
         self._recovery: Recovery | None = None
         self._unmapped: NDArray[np.float64] = _NOBODY
         self._pushing = PushingWatch(setup.base.pushing_timeout)
@@ -178,15 +182,21 @@ class Navigator:
             self._pushing.note_picture(picture)
 
     def begin(self, goal: Pose, pose: Pose | None, now: float) -> Cycle:
-        """Starts a new goal, in the global costmap's frame, from ``pose``."""
+        """Starts a new goal, in the global costmap's frame, from ``pose``.
+
+        The command is None if the robot is driving: it follows its earlier plan until there is one to this goal.
+        """
         self._goal = goal
-        self._choice = PlanChoice()
         self._failure = NO_REASON
         return self._advance(Inputs(new_goal=True, pose=pose), pose, now, Cycle())
 
     def restart(self, pose: Pose | None, now: float) -> Cycle:
         """Restarts the current goal, if any, after the clock jumped back."""
-        return Cycle() if self._goal is None else self.begin(self._goal, pose, now)
+        if self._goal is None:
+            return Cycle()
+        self._state = State()
+        self._search = None
+        return self.begin(self._goal, pose, now)
 
     def cancel(self, now: float) -> Cycle:
         """Cancels the current goal."""
@@ -215,7 +225,7 @@ class Navigator:
 
     def _worked_out(self, inputs: Inputs, sight: Sight, now: float, result: Cycle) -> Inputs:
         """Returns the inputs, completed with the outcomes of search, local planner and recovery."""
-        inputs = replace(inputs, plan=self._search_on(result))
+        inputs = replace(inputs, plan=self._search_on(result), searched_goal=self._searched_goal)
         if self._state.phase is Phase.CONTROLLING:
             self._pushing.note_motion(
                 self._command, sight.velocity or Velocity(), sight.local_pose or Pose(), now
@@ -290,9 +300,9 @@ class Navigator:
             self._pushing.reset()
         if self._state.phase is not Phase.CLEARING:
             self._recovery = None
-        if inputs.new_goal:
-            # Nothing that the local planner remembers of the last goal applies to this one, even at the same place.
-            self._controller = self._setup.make_local_planner()
+        is_another = inputs.new_goal or self._chosen_goal != self._state.goal
+        if is_another and self._state.phase is not Phase.CONTROLLING:
+            self._forget_plan(self._state.goal)
         condition, reason = self._condition(inputs, pose, now)
         self._update_report(condition, reason, now)
         return result
@@ -344,6 +354,8 @@ class Navigator:
                 self._search = None
             case FollowPlan():
                 assert self._path is not None
+                if self._chosen_goal != self._searched_goal:
+                    self._forget_plan(self._searched_goal)
                 if self._choice.takes(self._path, result.found, now):
                     self._controller.set_plan(self._path)
                 assert self._choice.followed is not None
@@ -358,9 +370,14 @@ class Navigator:
             case Finish():
                 result.finish = self._explained(event, pose)
                 self._goal, self._recovery = None, None
-                self._choice = PlanChoice()
             case Warn(text):
                 result.warnings.append(text)
+
+    def _forget_plan(self, goal: int) -> None:
+        """Forgets the plan and all that it brought: nothing of it applies to ``goal``, even at the same place."""
+        self._chosen_goal = goal
+        self._choice = PlanChoice()
+        self._controller = self._setup.make_local_planner()
 
     def _explained(self, finish: Finish, pose: Pose | None) -> Finish:
         """Returns ``finish`` with the reason in its text, if the goal was given up."""
@@ -374,8 +391,11 @@ class Navigator:
         return replace(finish, text=f"{finish.text} {self._failure.sentence()}")
 
     def _start_planning(self, pose: Pose | None) -> None:
-        """Starts a search; if the start or goal is outside the map, it fails in the next cycle."""
+        """Starts a search unless one runs; if the start or goal is outside the map, it fails in the next cycle."""
         assert self._goal is not None
+        if self._search is not None:
+            return
+        self._searched_goal = self._state.goal
         try:
             if pose is None:
                 raise PlannerError(_NO_POSE)

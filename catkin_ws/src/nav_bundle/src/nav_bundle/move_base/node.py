@@ -285,18 +285,21 @@ class MoveBaseNode:
             self._navigator.look_around(self._global.pose(now), now)
         if self._local.update(now) and (picture := self._local.picture(now)):
             self._navigator.look_at(picture)
-        goal, idle = self._goals.take(), self._navigator.phase is Phase.IDLE
+        goal = self._goals.take()
         if goal is not None:
             self._carry_out(self._navigator.begin(goal, self._global.pose(now), now), now)
-        elif idle:
+        if self._navigator.phase is Phase.IDLE:
             self._safety_stop.publish("", now)
         elif not self._goals.active or self._goals.cancelled():
             self._carry_out(self._navigator.cancel(now), now)
         else:
-            sight = self._sight(now)
-            self._carry_out(self._navigator.cycle(sight, now), now)
-            if sight.pose is not None and self._navigator.phase is not Phase.IDLE:
-                self._goals.report(sight.pose, now)
+            self._drive_on(now)
+
+    def _drive_on(self, now: float) -> None:
+        sight = self._sight(now)
+        self._carry_out(self._navigator.cycle(sight, now), now)
+        if sight.pose is not None and self._navigator.phase is not Phase.IDLE:
+            self._goals.report(sight.pose, now)
 
     def _goal_fault(self, goal: Pose) -> str:
         return (

@@ -95,6 +95,13 @@ class State:
     trigger: Trigger = Trigger.PLANNING
     recovery_begun: float = 0.0
     progress: Progress = field(default_factory=Progress)
+    goal: int = 0  #: number of the active goal; 0 without one
+    planned_goal: int = 0  #: number of the goal that the followed plan leads to; 0 without a plan
+
+    @property
+    def follows_earlier(self) -> bool:
+        """Whether the plan that is followed leads to a goal that was replaced."""
+        return self.phase is Phase.CONTROLLING and self.planned_goal != self.goal
 
 
 @dataclass(frozen=True)
@@ -106,6 +113,7 @@ class Inputs:
     pose: Pose | None = None  #: the robot's pose in the global frame; None if unknown
     current: bool = True  #: sensor data, odometry and transforms are recent enough to drive
     plan: PlanOutcome = PlanOutcome.NONE  #: outcome of the search for a plan, if it has ended
+    searched_goal: int | None = None  #: number of the goal of that search; None: the active one
     control: Velocity | None = (
         None  #: the local planner's command; None if it found no valid velocity
     )
@@ -124,7 +132,7 @@ class Inputs:
 
 @dataclass(frozen=True)
 class StartPlanning:
-    """Start a search for a plan to the goal."""
+    """Start a search for a plan to the active goal, unless an earlier search is still running."""
 
 
 @dataclass(frozen=True)
@@ -175,7 +183,7 @@ STALE_TEXT = (
 def advance(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
     """Returns the next state, the velocity to command (None: leave the base alone) and the events of one cycle."""
     if inputs.new_goal:
-        return _begin(inputs, now)
+        return _begin(state, inputs, now)
     if state.phase is Phase.IDLE:
         return state, None, ()
     if inputs.cancel:
@@ -188,6 +196,9 @@ def advance(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
         return _wait_for_sensors(state, now, limits)
     if state.phase is not Phase.CLEARING and state.progress.stalls(now, limits.progress):
         return _clear(replace(state, recovery_index=state.progress.recoveries), Trigger.PROGRESS)
+    if state.follows_earlier:
+        # The local planner decided by the earlier plan.
+        inputs = replace(inputs, reached=False)
     state, planned, events = _take_plan(state, inputs, now, limits)
     if planned is not None:
         return state, planned, events
@@ -209,17 +220,24 @@ def advance(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
     return state, command, events + more + request
 
 
-def _begin(inputs: Inputs, now: float) -> Step:
-    """Starts a new goal; the robot stands still until there is a plan."""
+def _begin(state: State, inputs: Inputs, now: float) -> Step:
+    """Starts a new goal.
+
+    A robot that drives follows its earlier plan until there is one to the new goal, and a search that is running goes
+    on: so goals that arrive faster than searches end do not stop the robot. Any other robot stands still.
+    """
+    drives = state.phase is Phase.CONTROLLING
     state = State(
-        phase=Phase.PLANNING,
+        phase=Phase.CONTROLLING if drives else Phase.PLANNING,
         last_valid_plan=now,
         last_valid_control=now,
         last_oscillation_reset=now,
         oscillation_pose=inputs.pose,
         progress=Progress(since=now),
+        goal=state.goal + 1,
+        planned_goal=state.planned_goal if drives else 0,
     )
-    return state, STANDSTILL, (StopPlanning(), StartPlanning())
+    return state, None if drives else STANDSTILL, (StartPlanning(),)
 
 
 def _finish(outcome: Outcome, text: str, trigger: Trigger | None = None) -> Step:
@@ -227,8 +245,8 @@ def _finish(outcome: Outcome, text: str, trigger: Trigger | None = None) -> Step
 
 
 def _watch_progress(state: State, inputs: Inputs, now: float, limits: Limits) -> State:
-    """Updates the progress by the remaining way; recovery behaviours do not count."""
-    if state.phase is Phase.CLEARING:
+    """Updates the progress by the remaining way; recovery behaviours and plans to earlier goals do not count."""
+    if state.phase is Phase.CLEARING or state.follows_earlier:
         return state
     progress = state.progress
     if inputs.discovered:
@@ -270,18 +288,34 @@ def _take_plan(state: State, inputs: Inputs, now: float, limits: Limits) -> Step
     if state.phase not in (Phase.PLANNING, Phase.CONTROLLING) or inputs.plan is PlanOutcome.NONE:
         return state, None, ()
     state = replace(state, last_search=now)
+    searched = state.goal if inputs.searched_goal is None else inputs.searched_goal
+    # A search to an earlier goal leaves the active one without a plan.
+    further: tuple[Event, ...] = () if searched == state.goal else (StartPlanning(),)
     if inputs.plan is PlanOutcome.FAILED:
+        if searched > state.planned_goal and state.phase is Phase.CONTROLLING:
+            return _stop_and_plan(state, now)
+        if further:
+            return state, None, further
         return _planning_failed(state, inputs, now, limits)
     started = state.phase is Phase.PLANNING
     state = replace(
         state,
         phase=Phase.CONTROLLING,
+        planned_goal=searched,
         last_valid_plan=now,
         planning_retries=0,
-        plan_due=now + limits.planning_period,
+        plan_due=math.inf if further else now + limits.planning_period,
         recovery_index=0 if state.trigger is Trigger.PLANNING else state.recovery_index,
     )
-    return state, STANDSTILL if started else None, (FollowPlan(),)
+    return state, STANDSTILL if started else None, (FollowPlan(), *further)
+
+
+def _stop_and_plan(state: State, now: float) -> Step:
+    """Stops the robot, which has no plan that it may follow; the next search starts in the next cycle."""
+    state = replace(
+        state, phase=Phase.PLANNING, last_valid_plan=now, planning_retries=0, plan_due=now
+    )
+    return state, STANDSTILL, ()
 
 
 def _planning_failed(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
@@ -291,10 +325,7 @@ def _planning_failed(state: State, inputs: Inputs, now: float, limits: Limits) -
     )
     if state.phase is Phase.CONTROLLING:
         if inputs.blocked_near:
-            state = replace(
-                state, phase=Phase.PLANNING, last_valid_plan=now, planning_retries=0, plan_due=now
-            )
-            return state, STANDSTILL, ()
+            return _stop_and_plan(state, now)
         return replace(state, plan_due=now + limits.planning_period), None, ()
     retries = state.planning_retries + 1
     state = replace(state, planning_retries=retries, plan_due=now + period)
@@ -326,10 +357,8 @@ def _control(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
         return replace(state, last_valid_control=now, recovery_index=index), inputs.control, ()
     if now > state.last_valid_control + limits.controller_patience:
         return _clear(state, Trigger.CONTROLLING)
-    state = replace(
-        state, phase=Phase.PLANNING, last_valid_plan=now, planning_retries=0, plan_due=now
-    )
-    return state, STANDSTILL, (StopPlanning(),)
+    state, command, _ = _stop_and_plan(state, now)
+    return state, command, (StopPlanning(),)
 
 
 def _recover(state: State, inputs: Inputs, now: float, limits: Limits) -> Step:
