@@ -146,10 +146,11 @@ sections_of() {
   for word; do
     case $command:$word in
       demo:--we* | fleet:--we* | run-scenario:--we* | replay:--we*) echo web record ;;
+      demo:--ros2 | fleet:--ros2) echo ros2 ;;
       demo:--rec* | fleet:--rec* | run-scenario:--rec*) echo record ;;
       demo:--vi* | run-scenario:--vi*) echo video ;;
       run:*rviz*) echo view ;;
-      run:*ros2_door*) echo ros2 ;;
+      run:*ros2_door* | run:*ros2_fleet*) echo ros2 ;;
       run:*fleet_page*) echo web record ;;
     esac
   done
@@ -163,6 +164,7 @@ title_of() {
     view) echo 'RViz' ;;
     plot) echo 'plots' ;;
     web) echo 'the fleet page' ;;
+    ros2) echo 'the door to ROS 2' ;;
     video) echo 'videos' ;;
     network) echo 'network faults' ;;
     checks) echo 'tests' ;;

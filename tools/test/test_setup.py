@@ -127,6 +127,7 @@ def test_an_interrupted_environment_is_made_again(tmp_path: Path) -> None:
         ("demo --web --record run.mcap", {"plot", "web", "record"}),
         ("demo --video run.mp4", {"plot", "video"}),
         ("fleet --robots 2", set()),
+        ("fleet --robots 2 --ros2", {"ros2"}),
         ("run rostopic list", set()),
         ("run roslaunch pioneer_description multi_pioneer_rviz.launch", {"view"}),
         ("shell", {"plot", "network", "view"}),
@@ -141,7 +142,7 @@ def test_a_command_installs_only_the_sections_that_it_needs(
 
 def test_sections_of_commands_are_sections_of_the_lists(tmp_path: Path) -> None:
     commands = (
-        "demo --web --video x",
+        "demo --web --ros2 --video x",
         "replay",
         "experiment",
         "bench",

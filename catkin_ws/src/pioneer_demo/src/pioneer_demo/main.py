@@ -85,6 +85,9 @@ def _run(config: FleetConfig, watch: Stopwatch, interrupt: Interrupt) -> int:
                 f"Fleet page, once it is up: http://127.0.0.1:{ports.page}/#{config.token}",
                 flush=True,
             )
+        if config.ros2:
+            domain = os.environ.get("ROS_DOMAIN_ID", "0")
+            print(f"Door to ROS 2: domain {domain}", flush=True)
         if config.choice:
             print(config.choice, flush=True)
         processes.start()

@@ -66,3 +66,10 @@ def test_the_page_runs_on_the_base_station_and_its_secret_in_no_command_line():
     assert page.environment["PIONEER_WEB_TOKEN"] == "secret-of-the-page"
     assert "_port:=9090" in page.argv
     assert not any("secret" in word for word in page.argv)
+
+
+def test_the_door_to_ros_2_runs_on_the_base_station_for_the_fleets_robots():
+    assert "door to ROS 2" not in started()
+    door = started(DemoConfig(ros2=True))["door to ROS 2"]
+    assert door.environment["ROS_MASTER_URI"] == "http://127.0.0.1:11312"
+    assert door.argv[-3:] == ("pioneer_ros2", "ros2_fleet.launch", "robots:=pioneer1 pioneer2")

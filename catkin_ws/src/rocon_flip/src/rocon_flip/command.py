@@ -38,6 +38,11 @@ def _used_at_hub(arguments: list[str]) -> list[Wish]:
     return rule_set.flipped_by_tools(rule_set.robot_names(arguments, os.environ))
 
 
+def _through_ros2_door(arguments: list[str]) -> list[Wish]:
+    """Returns flips of what the door to ROS 2 reads and commands."""
+    return rule_set.flipped_for_ros2(rule_set.robot_names(arguments, os.environ))
+
+
 def _of_robot(arguments: list[str]) -> list[Wish]:
     """Returns flips of a robot's sensors and commands."""
     robot = rule_set.robot_name(arguments, os.environ, socket.gethostname())
@@ -90,6 +95,9 @@ _SCRIPTS: Mapping[str, Script] = {
         Action.FLIP, _seen_at_hub, "[--advertise] [ROBOTS | ROBOT_NAME …] [/NODE]", most=1001
     ),
     "flip-tools-from-hub": Script(Action.FLIP, _used_at_hub, "[ROBOTS | ROBOT_NAME …]", most=1000),
+    "flip-for-ros2": Script(
+        Action.FLIP, _through_ros2_door, "[ROBOTS | ROBOT_NAME …]", most=1000
+    ),
     "flip-from-remote": Script(
         Action.FLIP, _of_robot, "[--pull] [ROBOT_NAME [LASER_TOPIC]]", most=2
     ),

@@ -22,6 +22,24 @@ VIEWED_TOPICS = (
 ANY_NODE = ""
 TOOLS_NODE = "/rviz.*"
 TOOL_TOPICS = ("map_goal_pose", "initialpose")
+ROS2_NODE = "/ros2_door.*"
+ROS2_READ_TOPICS = (
+    *VIEWED_TOPICS,
+    "amcl_pose",
+    "particlecloud",
+    "move_base/TrajectoryPlannerROS/global_plan",
+    "move_base/local_costmap/footprint",
+    "move_base/global_costmap/costmap",
+    "move_base/global_costmap/costmap_updates",
+    "move_base/global_costmap/footprint",
+)
+ROS2_WRITTEN_TOPICS = (
+    "map_goal",
+    "map_goal_pose",
+    "initialpose",
+    "map_goal_client/cancel",
+    "move_base/cancel",
+)
 REPORT_TOPIC, ROBOT_GATEWAYS = "/traffic/reports", "aadi.*_gateway"
 PING, PONG = "/handshake/ping", "/handshake/pong"
 DEFAULT_ROBOTS = 15
@@ -83,6 +101,19 @@ def flipped_by_tools(robots: Sequence[str]) -> list[Wish]:
         for number, robot in enumerate(robots, 1)
         for topic in TOOL_TOPICS
     ]
+
+
+def flipped_for_ros2(robots: Sequence[str]) -> list[Wish]:
+    """Returns the hub gateway's flips that let the door to ROS 2 on its master read and command `robots`."""
+    wishes: list[Wish] = []
+    for number, robot in enumerate(robots, 1):
+        gateway = f"aadi{number}_gateway"
+        wishes.append(Wish("subscriber", "/tf", ROS2_NODE, gateway))
+        for topic in ROS2_READ_TOPICS:
+            wishes.append(Wish("subscriber", topic_in(robot, topic), ROS2_NODE, gateway))
+        for topic in ROS2_WRITTEN_TOPICS:
+            wishes.append(Wish("publisher", topic_in(robot, topic), ROS2_NODE, gateway))
+    return wishes
 
 
 def flipped_from_robot(

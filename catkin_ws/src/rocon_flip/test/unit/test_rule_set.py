@@ -7,6 +7,7 @@ from rocon_flip.rule_set import (
     Wish,
     advertised_by_hub,
     flipped_by_tools,
+    flipped_for_ros2,
     flipped_from_hub,
     flipped_from_robot,
     flipped_topic,
@@ -108,3 +109,14 @@ def test_a_topic_is_under_its_namespace_unless_it_is_absolute() -> None:
     assert topic_in("pioneer1", "odom") == topic_in("/pioneer1/", "odom") == "/pioneer1/odom"
     assert topic_in("pioneer1", "/tf") == "/tf"
     assert topic_in("", "clock") == "/clock"
+
+
+def test_the_door_to_ros_2_reads_and_commands_each_robot_at_its_own_gateway() -> None:
+    wishes = flipped_for_ros2(["alice", "bob"])
+    door = "/ros2_door.*"
+    assert Wish("subscriber", "/bob/amcl_pose", door, "aadi2_gateway") in wishes
+    assert Wish("publisher", "/alice/map_goal_pose", door, "aadi1_gateway") in wishes
+    assert {wish.node for wish in wishes} == {door}
+    for wish in wishes:
+        robot = {"aadi1_gateway": "alice", "aadi2_gateway": "bob"}[wish.gateway]
+        assert wish.name == "/tf" or wish.name.startswith(f"/{robot}/")

@@ -12,9 +12,9 @@ from pioneer_node.core.fleet_file import RobotEntry
 
 HUB_MASTER, HUB_GATEWAY_MASTER, FIRST_ROBOT_MASTER, HUB = 11311, 11312, 11313, 6380
 HUB_COMMAND, HUB_GATEWAY_COMMAND = "hub", "Hub_Gateway"
-PAGE_COMMAND, RECORDER_COMMAND = "fleet page", "recorder"
-WATCHERS = (PAGE_COMMAND, RECORDER_COMMAND)
-"""Commands that only watch the fleet: robots drive on without them."""
+PAGE_COMMAND, RECORDER_COMMAND, DOOR_COMMAND = "fleet page", "recorder", "door to ROS 2"
+WATCHERS = (PAGE_COMMAND, RECORDER_COMMAND, DOOR_COMMAND)
+"""Commands that the robots need not: they drive on without them."""
 PAGE = 8090
 _LOOPBACK = "127.0.0.1"
 FLEET, ROBOT_PARAMETERS, SIMULATOR_PARAMETERS = (
@@ -109,6 +109,10 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
             f"_masters:={masters}",
         )
         found.append(Command(PAGE_COMMAND, page, {**base, "PIONEER_WEB_TOKEN": config.token}))
+    if config.ros2:
+        robots = f"robots:={' '.join(config.names)}"
+        door = _launched(ports.hub_gateway_master, "pioneer_ros2", "ros2_fleet.launch", robots)
+        found.append(Command(DOOR_COMMAND, door, base))
     navigation = (
         *("rosrun", "pioneer_gazebo", "run-pioneer-nav-local"),
         f"traffic:={str(config.traffic).lower()}",
@@ -217,13 +221,10 @@ def master_uri(port: int) -> str:
 
 
 def _launch(port: int, *words: str) -> tuple[str, ...]:
-    return (
-        "rosrun",
-        "rocon_launch",
-        "roslaunch",
-        "--no-summary",
-        "-p",
-        str(port),
-        "pioneer_networking",
-        *words,
-    )
+    return _launched(port, "pioneer_networking", *words)
+
+
+def _launched(port: int, package: str, *words: str) -> tuple[str, ...]:
+    """Returns the command line of a launch file at the master on ``port``."""
+    launcher = ("rosrun", "rocon_launch", "roslaunch", "--no-summary", "-p", str(port))
+    return (*launcher, package, *words)

@@ -39,6 +39,7 @@ class FleetConfig:
     force: bool = False  #: whether the recording may replace a file
     web: bool = False  #: whether to serve the web dashboard
     token: str = ""  #: login token of the dashboard
+    ros2: bool = False  #: whether to open the door to ROS 2
     entries: tuple[RobotEntry, ...] = ()  #: the robots of a scenario; written as the fleet file
     #: node parameters, by name in each robot's namespace or as ``/gazebo/NAME``
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
@@ -349,6 +350,11 @@ def _add_common(parser: Parser, worlds: Sequence[str]) -> None:
         "--web",
         action="store_true",
         help="serve the fleet in the browser, on this machine only (docs/web.md)",
+    )
+    add(
+        "--ros2",
+        action="store_true",
+        help="open the fleet to ROS 2 in the domain ROS_DOMAIN_ID, on this machine only (pioneer_ros2's README)",
     )
 
 
