@@ -51,12 +51,17 @@ def navigation_nodes(file: str, *arguments: str) -> list[tuple[str, str]]:
 
 def launched(file: str, *arguments: str) -> list[roslaunch.core.Node]:
     """Returns the navigation nodes that a launch file starts."""
+    return [node for node in every_node(file, *arguments) if node.type in NAVIGATION]
+
+
+def every_node(file: str, *arguments: str) -> list[roslaunch.core.Node]:
+    """Returns all nodes that a launch file starts."""
     config = roslaunch.config.ROSLaunchConfig()
     with contextlib.redirect_stdout(io.StringIO()):
         roslaunch.xmlloader.XmlLoader(resolve_anon=False).load(
             str(LAUNCH / file), config, argv=["robot_name:=pioneer1", *arguments], verbose=False
         )
-    return [node for node in config.nodes if node.type in NAVIGATION]
+    return list(config.nodes)
 
 
 pytestmark = pytest.mark.filterwarnings("default")
@@ -96,3 +101,10 @@ def test_nodes_of_both_can_be_mixed() -> None:
         "single_navigation.launch", "nav_pkg:=navigation", "amcl_pkg:=nav_bundle"
     )
     assert nodes == [("nav_bundle", "amcl"), ("move_base", "move_base")]
+
+
+@pytest.mark.parametrize("traffic", ["false", "true"])
+def test_without_navigation_only_the_velocity_controller_is_left(traffic: str) -> None:
+    arguments = ("navigation:=none", f"traffic:={traffic}")
+    nodes = every_node("single_navigation.launch", *arguments)
+    assert [node.name for node in nodes] == ["pioneer_ros"]

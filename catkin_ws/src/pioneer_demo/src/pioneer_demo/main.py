@@ -25,7 +25,7 @@ from pioneer_demo.scenario.world_folder import place_count, places_by_world
 from pioneer_harness.error import HarnessError
 from pioneer_harness.proc import processors
 from pioneer_node.adapters.fleet_file import read_fleet
-from pioneer_node.core.fleet_file import FleetFileError
+from pioneer_node.core.fleet_file import NO_NAVIGATION, FleetFileError, RobotEntry
 
 _FAILED, _BAD_ARGUMENTS = 1, 2
 _FOREIGN = (
@@ -109,7 +109,9 @@ def _configured(command: str, arguments: Sequence[str]) -> FleetConfig:
         simulator = Path(packages.get_path("pioneer_gazebo"))
         poses = Path(packages.get_path("pioneer_description")) / "config"
         places = places_by_world(simulator / "map", poses)
-        machine = Machine(places, place_count(poses), processors(), _names_of, read_scenario)
+        machine = Machine(
+            places, place_count(poses), processors(), _names_of, read_scenario, _external_of
+        )
     except (rospkg.ResourceNotFound, OSError) as error:
         raise DemoError(f"the workspace is not built or not sourced: {error}") from error
     config = CONFIGS[command](arguments, machine)
@@ -123,8 +125,16 @@ def _configured(command: str, arguments: Sequence[str]) -> FleetConfig:
 
 
 def _names_of(fleet: Path) -> list[str]:
+    return [robot.name for robot in _robots_of(fleet)]
+
+
+def _external_of(fleet: Path) -> list[str]:
+    return [robot.name for robot in _robots_of(fleet) if robot.navigation == NO_NAVIGATION]
+
+
+def _robots_of(fleet: Path) -> Sequence[RobotEntry]:
     try:
-        return [robot.name for robot in read_fleet(fleet)]
+        return read_fleet(fleet)
     except FleetFileError as error:
         raise OptionError(f"--fleet: {error}") from None
 

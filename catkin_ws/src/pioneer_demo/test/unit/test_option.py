@@ -168,3 +168,12 @@ def test_a_fleet_file_gives_number_and_names_of_the_robots():
     )
     with pytest.raises(OptionError, match="give one of them"):
         fleet_config(["--fleet", "f.yaml", "--robots", "2"], machine)
+
+
+def test_a_fleet_may_have_robots_that_another_navigation_drives_and_a_demo_may_not():
+    machine = Machine(
+        PLACES, ELSEWHERE, 2, lambda _: ["pioneer1", "rover"], external_of=lambda _: ["rover"]
+    )
+    assert fleet_config(["--fleet", "f.yaml"], machine).external == ("rover",)
+    with pytest.raises(OptionError, match="rover has 'navigation: none'"):
+        demo_config(["--fleet", "f.yaml"], machine)

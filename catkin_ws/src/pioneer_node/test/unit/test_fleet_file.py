@@ -73,3 +73,10 @@ def test_the_shipped_fleet_file_can_be_read() -> None:
         Path(rospkg.RosPack().get_path("pioneer_description")) / "config" / "mixed_fleet.yaml"
     )
     assert [robot.name for robot in fleet] == ["pioneer1", "pioneer2", "rover"]
+
+
+def test_a_robot_that_another_navigation_drives_needs_no_file(tmp_path: Path) -> None:
+    fleet = tmp_path / "fleet.yaml"
+    fleet.write_text("robots: [{navigation: none}]")
+    (robot,) = read_fleet(fleet)
+    assert robot.navigation == "none"

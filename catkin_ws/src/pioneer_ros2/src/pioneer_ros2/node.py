@@ -25,6 +25,7 @@ try:
     from cyclonedds.core import DDSException
 
     from pioneer_ros2.dds import Participant
+    from pioneer_ros2.estop import COMMAND, EmergencyStop
     from pioneer_ros2.message import RELEASES, MessageTypes
     from pioneer_ros2.naming import topic_of, type_of
     from pioneer_ros2.stream import ExportTopic, ImportTopic
@@ -52,6 +53,8 @@ class DoorConfig:
     rules: str = ""  #: path of a YAML file with rules, see ``pioneer_ros2.rule``; empty: ``config/fleet.yaml``
     node_name: str = "pioneer_fleet"  #: the node's name in ROS 2
     release: str = "kilted"  #: release of ROS 2: humble, iron, jazzy or kilted
+    #: robots that are held from the start, ``*`` for every robot; the node keeps it, for the one after it
+    held: tuple[str, ...] = ()
 
 
 class DoorNode:
@@ -60,7 +63,7 @@ class DoorNode:
     Publishes: ``~topics`` (diagnostic_msgs/DiagnosticArray, latched, on change): state and reason of the door and of
         each topic; ``/diagnostics``: the same with counters, once a second while there are subscribers.
 
-    Parameters: the fields of `DoorConfig`, private.
+    Parameters: the fields of `DoorConfig`, private. Sets ``~held``.
 
     Environment: ``ROS_DOMAIN_ID``, ``ROS_AUTOMATIC_DISCOVERY_RANGE``, ``ROS_LOCALHOST_ONLY``, ``ROS_STATIC_PEERS`` and
         ``CYCLONEDDS_URI``, as in ROS 2; without the last four only this machine is reached.
@@ -97,6 +100,9 @@ class DoorNode:
         self._announced: tuple[list[bytes], list[bytes]] | None = None
         self._apply_is_due = False
         self._ended = False
+        self._stop = EmergencyStop(
+            node, self._messages, self._rules.stop, map(str, config.held), self._keep_held
+        )
         self._log = StateLog()
         self._reported: list[State] = []
         self._topics = node.advertise("~topics", DiagnosticArray, latch=True)
@@ -183,13 +189,27 @@ class DoorNode:
     def _apply(self) -> None:
         """Opens and closes topics as the rules and both sides need them."""
         self._apply_is_due = False
-        if self._participant is None or self._ended:
+        if self._ended:
+            return
+        self._stop.update(self._commanded_robots(), self._participant)
+        if self._participant is None:
             return
         self._keep_exports(self._participant)
         self._keep_imports(self._participant)
         for topic in self._all_topics():
             topic.update()
         self._announce(self._participant)
+
+    def _commanded_robots(self) -> set[str]:
+        """Returns the robots whose simulator or driver takes velocities on this master."""
+        end = f"/{COMMAND}"
+        return {topic[1 : -len(end)] for topic in self._subscribed if topic.endswith(end)}
+
+    def _keep_held(self, held: list[str]) -> None:
+        """Applies what is held, and stores it: a node that takes the place of this one holds it again."""
+        self._mute_held()
+        name = self._node.resolved("~held")
+        self._master.call("setParam", (self._node.name, name, held), _ignore, self._no_master)
 
     def _all_topics(self) -> list[ExportTopic | ImportTopic]:
         return [*self._exports.values(), *self._imports.values()]
@@ -202,6 +222,9 @@ class DoorNode:
         }
         by_source: dict[str, list[Export]] = {}
         for export in exports(self._rules, self._published, robots):
+            if export.source in self._stop.guarded:
+                # The stop subscribes to it itself, and a node has one subscription of a topic.
+                continue
             if self._types.get(export.source, _ANY) != _ANY:
                 by_source.setdefault(export.source, []).append(export)
         for source in self._exports.keys() - by_source.keys():
@@ -238,11 +261,18 @@ class DoorNode:
             except TypeUnknownError as problem:
                 problems[name] = str(problem)
         self._import_problems = problems
+        self._mute_held()
+
+    def _mute_held(self) -> None:
+        """Keeps velocities from ROS 2 from robots that are held."""
+        for topic in self._imports.values():
+            topic.is_held = topic.rule.target in self._stop.guarded
 
     def _announce(self, participant: Participant) -> None:
         """Announces the node's readers and writers in ROS 2 if they have changed."""
         outlets = [outlet for topic in self._exports.values() for outlet in topic.outlets.values()]
-        readers = sorted(topic.reader.guid for topic in self._imports.values())
+        imported = [topic.reader for topic in self._imports.values()]
+        readers = sorted(reader.guid for reader in [*imported, *self._stop.readers])
         writers = sorted(outlet.writer.guid for outlet in outlets)
         if (readers, writers) != self._announced:
             participant.announce(readers, writers)
@@ -252,6 +282,9 @@ class DoorNode:
 
     def _states(self) -> Iterator[State]:
         yield self._own_state()
+        held = self._stop.state()
+        if held is not None:
+            yield held
         if self._participant is None:
             return
         requested = _types_by_topic(self._participant.requested())
@@ -294,11 +327,16 @@ class DoorNode:
     def end(self, done: Any) -> None:
         """Leaves both sides, so that peers need not wait for a time-out."""
         self._ended = True
+        self._stop.close()
         for topic in self._all_topics():
             topic.close()
         if self._participant is not None:
             self._participant.close()
         done()
+
+
+def _ignore(_answer: Any) -> None:
+    """Takes an answer that says nothing."""
 
 
 def _types_by_topic(endpoints: dict[str, set[str]]) -> dict[str, set[str]]:

@@ -14,6 +14,9 @@ r"""What crosses between ROS 1 and ROS 2: rules with patterns, from a YAML file.
         ros1: /\1/pioneer/cmd_vel          # its name in ROS 1; default: the same
         type: geometry_msgs/Twist          # type in ROS 1
         needs_subscriber: false            # also while no node here subscribes, for gateways to carry on
+    stop:                                  # topics of ROS 2, std_msgs/Bool: robots are held while the last one was true
+      - /estop                             # every robot
+      - /{robot}/estop                     # one robot
 """
 
 import difflib
@@ -25,7 +28,9 @@ from typing import Any
 
 from pioneer_ros2.error import RuleError
 
-_ROBOT = "{robot}"
+ROBOT = "{robot}"
+"""Stands for a robot's name in topics."""
+_TOPIC = re.compile(r"(/[A-Za-z]\w*)+")
 _TYPE = re.compile(r"[A-Za-z]\w*/[A-Za-z]\w*")
 
 
@@ -66,6 +71,9 @@ class Rules:
 
     out: tuple[OutRule, ...] = ()
     into: tuple[InRule, ...] = ()
+    stop: tuple[
+        str, ...
+    ] = ()  #: topics of ROS 2 that hold robots; with ``{robot}`` for one of each robot
 
 
 @dataclass(frozen=True)
@@ -101,9 +109,9 @@ def exports(rules: Rules, published: Iterable[str], robots: Iterable[str] = ()) 
             match = re.fullmatch(rule.topic, source)
             if match is None:
                 continue
-            if _ROBOT in rule.ros2:
+            if ROBOT in rule.ros2:
                 for robot in names:
-                    name = rule.ros2.replace(_ROBOT, robot)
+                    name = rule.ros2.replace(ROBOT, robot)
                     found.setdefault(name, Export(source, name, rule.qos, rule.rate, robot))
                 continue
             name = match.expand(rule.ros2) if rule.ros2 else source
@@ -141,15 +149,16 @@ def rules_from_mapping(content: Any) -> Rules:
         RuleError: an entry, a field or a value that a rule cannot have; the message names it.
     """
     if not isinstance(content, Mapping):
-        raise RuleError("the rules must be lists under 'out' and 'in'")
+        raise RuleError("the rules must be lists under 'out', 'in' and 'stop'")
     for name in content:
-        if name not in ("out", "in"):
-            raise RuleError(f"unknown section '{name}'; there are 'out' and 'in'")
+        if name not in ("out", "in", "stop"):
+            raise RuleError(f"unknown section '{name}'; there are 'out', 'in' and 'stop'")
     out = [
         _rule(OutRule, entry, f"out, rule {number}") for number, entry in _entries(content, "out")
     ]
     into = [_rule(InRule, entry, f"in, rule {number}") for number, entry in _entries(content, "in")]
-    return Rules(tuple(out), tuple(into))
+    stop = tuple(_stop_topic(entry, number) for number, entry in _entries(content, "stop"))
+    return Rules(tuple(out), tuple(into), stop)
 
 
 def _entries(content: Mapping[str, Any], section: str) -> Iterable[tuple[int, Any]]:
@@ -157,6 +166,12 @@ def _entries(content: Mapping[str, Any], section: str) -> Iterable[tuple[int, An
     if not isinstance(entries, Sequence) or isinstance(entries, str):
         raise RuleError(f"'{section}' must be a list of rules")
     return enumerate(entries, 1)
+
+
+def _stop_topic(entry: Any, number: int) -> str:
+    if not isinstance(entry, str) or not _TOPIC.fullmatch(entry.replace(ROBOT, "robot")):
+        raise RuleError(f"stop, rule {number}: must be a topic such as /estop, not {entry!r}")
+    return entry
 
 
 def _rule(kind: Any, entry: Any, where: str) -> Any:

@@ -265,6 +265,7 @@ class ImportTopic:
     ) -> None:
         self.rule = rule
         self.counter = Counter()
+        self.is_held = False  #: whether an emergency stop keeps its messages from ROS 1
         self._node = node
         self._participant = participant
         self._kind = messages.ros1_kind(rule.type)
@@ -307,7 +308,7 @@ class ImportTopic:
         self._node.call(self._forward)
 
     def _forward_one(self, cdr: bytes) -> None:
-        if self._publisher is None:
+        if self._publisher is None or self.is_held:
             return
         try:
             message = self._to_ros1(cdr)
@@ -323,6 +324,8 @@ class ImportTopic:
         if self.reader.refused:
             text = f"a publisher in ROS 2 is refused: it offers another {self.reader.refused}"
             return State(name, text, False)
+        if self.is_held:
+            return State(name, "the robot is held by an emergency stop", False)
         if self._publisher is None:
             return self.counter.state(name, "no publisher in ROS 2")
         if not self._publisher.has_subscribers:

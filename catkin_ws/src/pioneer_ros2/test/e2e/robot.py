@@ -5,17 +5,19 @@ import json
 import sys
 
 import rospy
+from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import PoseStamped, TransformStamped, Twist
 from nav_msgs.msg import OccupancyGrid, Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Empty
 from tf2_msgs.msg import TFMessage
 
 RATE = 20
 ROBOTS = ("pioneer1", "pioneer2")
 
 
-def received(topic: str, values: list[float]) -> None:
+def received(topic: str, values: list[float] | list[str]) -> None:
     sys.stdout.write(json.dumps({"topic": topic, "values": values}) + "\n")
     sys.stdout.flush()
 
@@ -37,12 +39,17 @@ class Robot:
         self.odometry = rospy.Publisher(f"/{name}/odom", Odometry, queue_size=1)
         rospy.Subscriber(f"/{name}/pioneer/cmd_vel", Twist, self.on_velocity)
         rospy.Subscriber(f"/{name}/map_goal_pose", PoseStamped, self.on_goal)
+        rospy.Subscriber(f"/{name}/map_goal_client/cancel", Empty, self.on_cancel, "waypoints")
+        rospy.Subscriber(f"/{name}/move_base/cancel", GoalID, self.on_cancel, "goal")
 
     def on_velocity(self, message: Twist) -> None:
         received(f"/{self.name}/pioneer/cmd_vel", [message.linear.x, message.angular.z])
 
     def on_goal(self, message: PoseStamped) -> None:
         received(f"/{self.name}/map_goal_pose", [message.pose.position.x, message.pose.position.y])
+
+    def on_cancel(self, _message: object, what: str) -> None:
+        received(f"/{self.name}/cancelled", [what])
 
     def publish(self) -> None:
         scan = LaserScan(angle_min=-1.0, range_max=30.0, ranges=[self.number + 0.25, 2.5])

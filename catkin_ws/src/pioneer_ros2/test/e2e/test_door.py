@@ -180,6 +180,22 @@ def test_a_reader_of_cyclone_dds_gets_transforms_with_and_without_prefix(
     assert {tuple(frame) for frame in json.loads(done.stdout)} == frames
 
 
+def test_an_emergency_stop_of_ros_2_holds_a_robot_until_it_is_released(
+    peer: Program, robot: Program, start: Start
+) -> None:
+    robot.waits_for("/pioneer1/pioneer/cmd_vel", [0.25, -0.5])
+    stop = start(str(PEER), str(HERE / "stop.py"), "/pioneer1/estop", "true", plain=True)
+    robot.waits_for("/pioneer1/pioneer/cmd_vel", [0.0, 0.0])
+    wait_until(lambda: "/pioneer1/cancelled" in robot.newest, "cancelled goals", CROSSES)
+    assert "/pioneer2/cancelled" not in robot.newest
+    # The sender may go: only a release lets the robot drive.
+    stop.end()
+    robot.newest.clear()
+    robot.waits_for("/pioneer1/pioneer/cmd_vel", [0.0, 0.0])
+    start(str(PEER), str(HERE / "stop.py"), "/pioneer1/estop", "false", plain=True)
+    robot.waits_for("/pioneer1/pioneer/cmd_vel", [0.25, -0.5])
+
+
 def test_after_a_peer_is_killed_another_one_with_stamped_velocities_is_served(
     peer: Program, robot: Program, start: Start
 ) -> None:

@@ -64,7 +64,9 @@ def test_a_topic_is_brought_in_under_its_name_in_ros_1() -> None:
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (3, "must be lists under 'out' and 'in'"),
+        (3, "must be lists under 'out', 'in' and 'stop'"),
+        ({"stop": ["estop"]}, "stop, rule 1: must be a topic such as /estop, not 'estop'"),
+        ({"stop": [{"topic": "/estop"}]}, "must be a topic such as /estop"),
         ({"outt": []}, "unknown section 'outt'"),
         ({"out": "x"}, "'out' must be a list"),
         ({"out": ["x"]}, "out, rule 1: must have fields"),
@@ -85,3 +87,7 @@ def test_a_topic_is_brought_in_under_its_name_in_ros_1() -> None:
 def test_a_rule_that_makes_no_sense_is_named(content: object, says: str) -> None:
     with pytest.raises(RuleError, match=re.escape(says)):
         rules_from_mapping(content)
+
+
+def test_stop_topics_are_for_every_robot_or_for_each() -> None:
+    assert rules(stop=["/estop", "/{robot}/estop"]).stop == ("/estop", "/{robot}/estop")

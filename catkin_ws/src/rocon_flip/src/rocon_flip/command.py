@@ -95,9 +95,7 @@ _SCRIPTS: Mapping[str, Script] = {
         Action.FLIP, _seen_at_hub, "[--advertise] [ROBOTS | ROBOT_NAME …] [/NODE]", most=1001
     ),
     "flip-tools-from-hub": Script(Action.FLIP, _used_at_hub, "[ROBOTS | ROBOT_NAME …]", most=1000),
-    "flip-for-ros2": Script(
-        Action.FLIP, _through_ros2_door, "[ROBOTS | ROBOT_NAME …]", most=1000
-    ),
+    "flip-for-ros2": Script(Action.FLIP, _through_ros2_door, "[ROBOTS | ROBOT_NAME …]", most=1000),
     "flip-from-remote": Script(
         Action.FLIP, _of_robot, "[--pull] [ROBOT_NAME [LASER_TOPIC]]", most=2
     ),

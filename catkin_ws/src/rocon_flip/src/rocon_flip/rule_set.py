@@ -109,10 +109,14 @@ def flipped_for_ros2(robots: Sequence[str]) -> list[Wish]:
     for number, robot in enumerate(robots, 1):
         gateway = f"aadi{number}_gateway"
         wishes.append(Wish("subscriber", "/tf", ROS2_NODE, gateway))
-        for topic in ROS2_READ_TOPICS:
-            wishes.append(Wish("subscriber", topic_in(robot, topic), ROS2_NODE, gateway))
-        for topic in ROS2_WRITTEN_TOPICS:
-            wishes.append(Wish("publisher", topic_in(robot, topic), ROS2_NODE, gateway))
+        wishes += [
+            Wish("subscriber", topic_in(robot, topic), ROS2_NODE, gateway)
+            for topic in ROS2_READ_TOPICS
+        ]
+        wishes += [
+            Wish("publisher", topic_in(robot, topic), ROS2_NODE, gateway)
+            for topic in ROS2_WRITTEN_TOPICS
+        ]
     return wishes
 
 

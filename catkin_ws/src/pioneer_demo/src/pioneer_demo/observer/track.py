@@ -38,8 +38,11 @@ class RobotTrack:
     newest correction and the odometry interpolated at the stamp of the true position; evaluated ten times a second.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, is_external: bool = False) -> None:
         self.name = name
+        self.is_external = (
+            is_external  #: whether another navigation drives it, of which we see nothing
+        )
         self.monitor = RobotMonitor()
         self.visits: list[Visit] = []
         self.pose: Pose | None = None

@@ -114,6 +114,8 @@ def state_word(robot: RobotTrack) -> str:
         )
     if robot.pose is None:
         return "not spawned"
+    if robot.is_external:
+        return "driven by another navigation"
     if not robot.localised:
         return "waiting for amcl"
     if robot.trouble:

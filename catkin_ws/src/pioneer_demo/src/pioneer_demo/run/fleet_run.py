@@ -64,7 +64,8 @@ class FleetRun:
         )
         self._relapses = Relapses()
         self._lost: list[str] = []
-        self.fleet = Fleet(list(map(RobotTrack, config.names)))  #: its state; guarded by ``lock``
+        tracks = [RobotTrack(name, name in config.external) for name in config.names]
+        self.fleet = Fleet(tracks)  #: its state; guarded by ``lock``
         self.lock = threading.Lock()
         self.display = Display()
         self.observer: ObserverNode | None = (
@@ -114,19 +115,20 @@ class FleetRun:
             lambda: all(robot.pose for robot in robots), "the robots' spawning", "robots spawned"
         )
         meanwhile()
+        navigated = [robot for robot in robots if not robot.is_external]
         self._starting(flipped, "the hub gateway's flips", "flips accepted")
         self._starting(
-            lambda: all(robot.localised for robot in robots),
+            lambda: all(robot.localised for robot in navigated),
             "amcl on each robot",
             "robots localised",
         )
         self._starting(
-            lambda: all(robot.queue for robot in robots),
+            lambda: all(robot.queue for robot in navigated),
             "each robot's waypoint client",
             "clients up",
         )
         self._starting(
-            lambda: all(map(self.seen.can_be_sent, robots)),
+            lambda: all(map(self.seen.can_be_sent, navigated)),
             "the way back to each robot",
             "robots connected",
         )

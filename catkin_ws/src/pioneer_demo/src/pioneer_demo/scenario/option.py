@@ -10,7 +10,7 @@ from typing import Any, ClassVar, NoReturn, Self
 
 from pioneer_demo.error import OptionError
 from pioneer_demo.scenario.scenario import Fault, Goal, Scenario, Success
-from pioneer_node.core.fleet_file import RobotEntry
+from pioneer_node.core.fleet_file import NO_NAVIGATION, RobotEntry
 
 OBSERVER = "fleet_observer"
 """Name of the node that observes the fleet, and of its ring in lockstep."""
@@ -34,6 +34,8 @@ class FleetConfig:
     log: Path = Path("fleet-log")  #: directory for the logs of all processes
     fleet: Path | None = None  #: fleet file that describes the robots; None for Pioneers
     names: tuple[str, ...] = ("pioneer1", "pioneer2")  #: the robots' names, in order
+    #: those of ``names`` that another navigation drives: they have no amcl, move_base and waypoint client
+    external: tuple[str, ...] = ()
     traffic: bool = False  #: whether the robots coordinate right of way
     record: Path | None = None  #: file for a recording of all masters' topics; None for none
     force: bool = False  #: whether the recording may replace a file
@@ -168,6 +170,8 @@ class Machine:
     )  #: returns the names of the robots in a fleet file
     #: reads a scenario's file; raises OptionError if it is invalid
     scenario_of: Callable[[Path], Scenario] = lambda _: Scenario()
+    #: returns the names of the robots in a fleet file that another navigation drives
+    external_of: Callable[[Path], Sequence[str]] = lambda _: ()
 
 
 def demo_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
@@ -247,6 +251,7 @@ def _chosen(values: dict[str, Any], machine: Machine) -> dict[str, Any]:
             file.expanduser().resolve(),
             tuple(machine.names_of(file.expanduser())),
         )
+        values["external"] = tuple(machine.external_of(file.expanduser()))
         count = len(values["names"])
     values["robots"] = count
     check_fleet(count, values["world"], machine.places, machine.places_elsewhere)
@@ -310,6 +315,11 @@ def _check(values: Mapping[str, Any]) -> None:
 
 
 def _check_demo(config: DemoConfig) -> None:
+    entries = (entry.name for entry in config.entries if entry.navigation == NO_NAVIGATION)
+    for name in (*config.external, *entries):
+        raise OptionError(
+            f"{name} has 'navigation: none', but a demo sends waypoints to every robot"
+        )
     if not 1 <= config.waypoints <= 50:
         raise OptionError(f"--waypoints must be 1 to 50, not {config.waypoints}")
     if config.video is not None and not config.video.suffix:

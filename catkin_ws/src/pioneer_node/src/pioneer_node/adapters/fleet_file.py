@@ -7,7 +7,12 @@ from typing import TypeVar
 import rospkg
 import yaml
 
-from pioneer_node.core.fleet_file import FleetFileError, RobotEntry, fleet_from_mapping
+from pioneer_node.core.fleet_file import (
+    NO_NAVIGATION,
+    FleetFileError,
+    RobotEntry,
+    fleet_from_mapping,
+)
 
 Entry = TypeVar("Entry", bound=RobotEntry)
 
@@ -38,7 +43,11 @@ def with_files(robot: Entry, source: Path) -> Entry:
     return dataclasses.replace(
         robot,
         description=file_named(robot.description, source, robot.name),
-        navigation=file_named(robot.navigation, source, robot.name),
+        navigation=(
+            robot.navigation
+            if robot.navigation == NO_NAVIGATION
+            else file_named(robot.navigation, source, robot.name)
+        ),
     )
 
 

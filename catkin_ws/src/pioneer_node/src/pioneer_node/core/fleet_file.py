@@ -12,6 +12,10 @@ _NAME = re.compile(r"[A-Za-z]\w*")
 _POSE = {"x", "y", "a"}
 
 
+NO_NAVIGATION = "none"
+"""Value of ``navigation`` for a robot that another navigation drives, such as Nav2."""
+
+
 class FleetFileError(ParameterError):
     """The fleet file is invalid."""
 
@@ -25,6 +29,7 @@ class RobotEntry:
     #: start pose: x, y [m] and heading a [rad] in ``map``; empty for the start place that the world defines
     pose: dict[str, float] = dataclasses.field(default_factory=dict)
     navigation: str = ""  #: YAML file of move_base parameters that override those of pioneer_2dnav; empty for none
+    #: (``none``: no amcl, move_base and waypoint client)
     laser: str = "base_scan"  #: topic of its laser scans, relative to its namespace
 
 

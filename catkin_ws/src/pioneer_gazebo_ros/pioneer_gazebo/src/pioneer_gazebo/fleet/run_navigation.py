@@ -3,7 +3,7 @@
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -52,6 +52,11 @@ class NavigationOptions:
     )
     traffic: bool = option(
         False, "keep the right of way with the other robots that do (pioneer_traffic)"
+    )
+    navigation: str = option(
+        "",
+        "YAML file of move_base parameters; none: no amcl and move_base, for another navigation such as Nav2; "
+        "empty for the fleet file's",
     )
     parameters: str = option(
         "",
@@ -156,6 +161,8 @@ def navigate(session: Session, options: NavigationOptions) -> None:
     master.setParam("/use_sim_time", True)
     session.say(f"starting the navigation of {options.robot_name} in {world}")
     robot, _ = entry_of(options)
+    if options.navigation:
+        robot = replace(robot, navigation=options.navigation)
     lockstep = options.real_time_factor == LOCKSTEP
     session.launch(
         launch_files(robot, pose, str(poses), options.traffic, options.parameters, lockstep)
