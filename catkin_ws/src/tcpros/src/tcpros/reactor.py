@@ -152,10 +152,13 @@ class Reactor:
         return max(0.0, self._timers[0][0] - time.monotonic()) if self._timers else -1.0
 
     def _run_timers(self) -> None:
-        while self._timers and self._timers[0][0] <= time.monotonic():
-            callback = heapq.heappop(self._timers)[2].callback
-            if callback is not None:
-                self._guard(callback)
+        # Only those due now: a callback that schedules itself without delay must not keep the sockets waiting.
+        now, due = time.monotonic(), list[Timer]()
+        while self._timers and self._timers[0][0] <= now:
+            due.append(heapq.heappop(self._timers)[2])
+        for timer in due:
+            if timer.callback is not None:
+                self._guard(timer.callback)
 
     def _run_calls(self) -> None:
         if not self._calls:

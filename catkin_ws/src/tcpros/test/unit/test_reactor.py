@@ -72,3 +72,41 @@ def test_failures_that_cannot_be_logged_do_not_end_the_loop() -> None:
     assert done == ["later"]
     os.close(reader)
     os.close(writer)
+
+
+def test_a_timer_without_delay_that_repeats_keeps_no_socket_waiting() -> None:
+    reactor = Reactor(logging.getLogger())
+    reader, writer = os.pipe()
+    os.write(writer, b"x")
+    rounds = list[int]()
+
+    class Reader:
+        def ready(self, events: int) -> None:
+            reactor.stop()
+
+        def close(self, reason: str) -> None:
+            reactor.remove(reader)
+
+    def again() -> None:
+        rounds.append(1)
+        if len(rounds) < 1000:
+            reactor.call_later(0.0, again)
+        else:
+            reactor.stop()
+
+    # Added by the first callback, when the loop has already looked at its descriptors.
+    reactor.call_later(0.0, lambda: (reactor.add(reader, Reader(), select.EPOLLIN), again()))
+    reactor.run()
+    assert len(rounds) < 3
+    os.close(reader)
+    os.close(writer)
+
+
+def test_a_timer_cancelled_by_one_due_at_the_same_time_is_not_called() -> None:
+    reactor = Reactor(logging.getLogger())
+    called = list[str]()
+    reactor.call_later(0.0, lambda: second.cancel())
+    second = reactor.call_later(0.0, lambda: called.append("second"))
+    reactor.call_later(0.01, reactor.stop)
+    reactor.run()
+    assert not called

@@ -122,6 +122,12 @@ class ExportEnd(Stream):
         if self._pong:
             self._answer_ping()
 
+    def flush(self) -> None:
+        """Sends queued data, and behind it the answer to a ping that met a filled queue."""
+        super().flush()
+        if self._pong:
+            self._answer_ping()
+
     def accept(self, export: Export) -> None:
         """Accepts the link for this export."""
         self.timer.cancel()

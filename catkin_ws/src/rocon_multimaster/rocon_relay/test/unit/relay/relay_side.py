@@ -1,6 +1,7 @@
 """Two relays, each with its own master, and a subscriber that does not use ROS's code."""
 
 import contextlib
+import dataclasses
 import hashlib
 import itertools
 import logging
@@ -15,6 +16,7 @@ from pathlib import Path
 from pioneer_harness.wait import wait_until
 from rocon_relay.connection import ANY, Address, Export, Import, LinkState, RelayConfig
 from rocon_relay.keyring import PasswordKeyring
+from rocon_relay.link import Hello
 from rocon_relay.option import NO_OPTIONS
 from rocon_relay.relay import TcpRelay
 from tcpros.header import header_bytes, header_fields
@@ -128,6 +130,37 @@ class Subscriber:
 
     def __exit__(self, *_):
         self.close()
+
+
+class Outsider:
+    """A program that speaks the link protocol but does not know the password."""
+
+    def __init__(self, source, beside=None, **changes):
+        self.socket = socket.create_connection(source.address, 5)
+        hello = Hello(
+            "/chatter",
+            ANY,
+            ANY,
+            "/talker1",
+            "source",
+            "sink",
+            ("sink",),
+            "00",
+            keys=source_keys(source),
+        )
+        self.hello = dataclasses.replace(hello, **changes)
+        self.sent = {**self.hello.fields(), **(beside or {})}
+        self.socket.sendall(header_bytes(self.sent))
+
+    def answer(self):
+        """Returns the next header; None at the end."""
+        with self.socket.makefile("rb") as file:
+            length = file.read(4)
+            return header_fields(file.read(*struct.unpack("<I", length))) if length else None
+
+
+def source_keys(source):
+    return source.keyring.names() if hasattr(source, "keyring") else ()
 
 
 @contextlib.contextmanager

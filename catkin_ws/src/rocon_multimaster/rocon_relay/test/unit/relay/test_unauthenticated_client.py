@@ -5,7 +5,6 @@ import dataclasses
 import itertools
 import logging
 import socket
-import struct
 import time
 
 import nonsense
@@ -13,6 +12,7 @@ import pytest
 from nonsense import drawn
 from relay_side import (
     STRING,
+    Outsider,
     Subscriber,
     connect,
     export,
@@ -23,8 +23,8 @@ from relay_side import (
 from pioneer_harness.wait import wait_until
 from rocon_relay.connection import ANY, Address, Export, Import, LinkState, Subject
 from rocon_relay.keyring import PasswordKeyring, key_name
-from rocon_relay.link import Hello, proof
-from tcpros.header import header_bytes, header_fields
+from rocon_relay.link import proof
+from tcpros.header import header_bytes
 
 # rosmaster leaves its connections to nodes to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -91,37 +91,6 @@ def test_a_password_that_changes_leaves_links_up_and_holds_for_new_ones(relays, 
     sink.password = "other"
     sink.keyring.refresh()
     wait_for(sink, LinkState.ACTIVE)
-
-
-class Outsider:
-    """A program that speaks the link protocol but does not know the password."""
-
-    def __init__(self, source, beside=None, **changes):
-        self.socket = socket.create_connection(source.address, 5)
-        hello = Hello(
-            "/chatter",
-            ANY,
-            ANY,
-            "/talker1",
-            "source",
-            "sink",
-            ("sink",),
-            "00",
-            keys=source_keys(source),
-        )
-        self.hello = dataclasses.replace(hello, **changes)
-        self.sent = {**self.hello.fields(), **(beside or {})}
-        self.socket.sendall(header_bytes(self.sent))
-
-    def answer(self):
-        """Returns the next header; None at the end."""
-        with self.socket.makefile("rb") as file:
-            length = file.read(4)
-            return header_fields(file.read(*struct.unpack("<I", length))) if length else None
-
-
-def source_keys(source):
-    return source.keyring.names() if hasattr(source, "keyring") else ()
 
 
 def test_the_connecting_side_proves_itself_first_and_learns_no_secret(relays, talkers):
