@@ -11,6 +11,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
+from pioneer_gazebo.error import ModelError
 from pioneer_gazebo.learning.environment import EXTRA, PioneerEnv, PioneerParallelEnv, _free_space
 from pioneer_gazebo.learning.environment import pioneer as pioneer_description
 from pioneer_gazebo.world.robot import Robot
@@ -155,6 +156,38 @@ def test_random_goals_can_be_reached_from_given_starts_and_starts_from_given_goa
         free.places(rng, [(5.0, 3.0)], [None], 0.6)
 
 
+def test_a_random_start_that_a_person_occupies_is_drawn_again(pioneer: Robot) -> None:
+    """With these seeds the first draw of a start is inside a walking person."""
+    env = PioneerParallelEnv("small_world_people", 4, description=pioneer)
+    for seed in (2, 4, 22):
+        first, _ = env.reset(seed)
+        again, _ = env.reset(seed)
+        assert all(seen[-EXTRA] >= 0.6 for seen in first.values())
+        assert all(np.array_equal(first[agent], again[agent]) for agent in env.agents)
+    env.close()
+
+
+def test_a_given_start_inside_something_is_an_error(pioneer: Robot) -> None:
+    env = PioneerParallelEnv(
+        "small_world", description=pioneer, starts=[(-4.5, 3.5, 0.0)] * 2, goals=[(-4.5, 2.0)] * 2
+    )
+    with pytest.raises(ModelError, match="would overlap"):
+        env.reset(seed=1)
+    env.close()
+
+
+def test_the_speed_of_a_robot_against_a_wall_is_that_of_its_body(pioneer: Robot) -> None:
+    env = PioneerEnv(
+        description=pioneer, starts=[(-4.5, 3.5, 0.0)], goals=[(-4.5, -3.0)], limit=200
+    )
+    env.reset(seed=1)
+    for _ in range(60):
+        observation, *_, info = env.step(np.array([1.0, 0.0], np.float32))
+    assert observation[-2] == pytest.approx(0.7, abs=0.1), "its wheels spin"
+    assert info["state"].speed == pytest.approx(0.0, abs=0.05)
+    env.close()
+
+
 def test_a_step_without_an_episode_is_a_typed_error(pioneer: Robot) -> None:
     env = PioneerParallelEnv("small_world", 1, description=pioneer, limit=1)
     nothing = {"pioneer1": np.zeros(2, np.float32)}
@@ -168,7 +201,18 @@ def test_a_step_without_an_episode_is_a_typed_error(pioneer: Robot) -> None:
 
 
 @pytest.mark.parametrize(
-    "options", [{"robots": -1}, {"robots": 0}, {"step": 0.0}, {"step": -0.1}, {"limit": 0}]
+    "options",
+    [
+        {"robots": -1},
+        {"robots": 0},
+        {"step": 0.0},
+        {"step": -0.1},
+        {"step": 0.0101},
+        {"limit": 0},
+        {"tolerance": 0.0},
+        {"fastest": math.nan},
+        {"quickest": -1.0},
+    ],
 )
 def test_numbers_out_of_range_are_refused(pioneer: Robot, options: dict[str, float]) -> None:
     (name,) = options

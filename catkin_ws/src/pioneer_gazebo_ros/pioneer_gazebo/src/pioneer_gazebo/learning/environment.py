@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pioneer_gazebo.error import DescriptionError
+from pioneer_gazebo.error import DescriptionError, ModelError
 from pioneer_gazebo.fleet.drawn_map import read_map
 from pioneer_gazebo.physics.bullet import BulletEngine
 from pioneer_gazebo.physics.engine import Physics
@@ -45,13 +45,18 @@ except ImportError as error:
 
 Array = NDArray[np.float32]
 EXTRA = 5
-"""Values after the laser ranges in an observation: goal distance, sine and cosine of its bearing, speed, turn rate."""
+"""Values after the laser ranges in an observation: goal distance, sine and cosine of its bearing, speed, turn rate.
+
+Speed and turn rate are those of the odometry, as the wheels report them.
+"""
 
 Place = tuple[float, float]
 """x, y in the world [m]."""
 
 _CLEARANCE, _APART = 0.45, 1.2
 _SHORTEST_STEP = 0.01
+_DRAWS = 100
+"""Maximum number of random starts tried for a robot."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,7 +66,7 @@ class State:
     pose: Pose  #: in the world
     distance: float  #: to the goal [m]
     progress: float  #: decrease of ``distance`` in this step [m]
-    speed: float  #: of the body [m/s]
+    speed: float  #: of the body, ahead [m/s]; 0 for a robot whose wheels spin against a wall
     turn: float  #: yaw rate of the body [rad/s]
     reached: bool  #: whether the robot is at its goal
     collided: bool  #: whether a collision started in this step
@@ -102,7 +107,7 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
             starts: x, y [m] and heading [rad] of each robot; empty for random ones.
             goals: x, y [m] of each robot; empty for random reachable ones.
             reward: computes the reward of a robot's step.
-            step: simulated time of a step [s], a multiple of 0.01 s.
+            step: simulated time of a step [s], at least 0.01 s, a multiple of 1/600 s.
             limit: maximum number of steps of an episode.
             tolerance: distance to a goal at which it is reached [m].
             fastest: speed of the action 1 [m/s].
@@ -117,8 +122,13 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
             raise ValueError(f"robots must be 1 or more, not {robots}")
         if not _SHORTEST_STEP <= step < math.inf:
             raise ValueError(f"step must be {_SHORTEST_STEP:g} s or more, not {step:g}")
+        if abs(step * TICK_RATE - round(step * TICK_RATE)) > 1e-6 * TICK_RATE:
+            raise ValueError(f"step must be a multiple of 1/{TICK_RATE} s, not {step:g}")
         if limit < 1:
             raise ValueError(f"limit must be 1 or more, not {limit}")
+        for name, value in (("tolerance", tolerance), ("fastest", fastest), ("quickest", quickest)):
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"{name} must be above 0 and finite, not {value:g}")
         for name, given in (("starts", starts), ("goals", goals)):
             if given and len(given) != robots:
                 raise ValueError(f"{name} must be {robots}, one a robot, not {len(given)}")
@@ -130,6 +140,8 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         self._robot = description or pioneer()
         self._starts, self._goals_given, self._reward = starts, goals, reward
         self._ticks, self._limit, self._tolerance = round(step * TICK_RATE), limit, tolerance
+        # A goal within tolerance would end the episode in its first step.
+        self._nearest_goal = 2.0 * tolerance
         self._most, self._wheels = np.array([fastest, fastest if wheels else quickest]), wheels
         self.possible_agents = [f"pioneer{number}" for number in range(1, robots + 1)]
         self.agents = list[str]()
@@ -173,12 +185,8 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         self._goals = dict[str, tuple[float, float]]()
         places = self._places()
         for number, agent in enumerate(self.agents):
-            turned = float(self._rng.uniform(-math.pi, math.pi))
-            (x, y), goal = places[number]
-            yaw = self._starts[number][2] if self._starts else turned
-            pose = Pose((float(x), float(y), 0.0), quaternion_from_rpy(0.0, 0.0, float(yaw)))
-            self._entities[agent] = self._simulation.add_robot(agent, agent, self._robot, pose)
-            self._goals[agent] = goal
+            self._entities[agent] = self._spawned(number, places)
+            self._goals[agent] = places[number][1]
         self._count, self._distances = 0, {agent: self._distance(agent) for agent in self.agents}
         return {agent: self._observation(agent) for agent in self.agents}, {
             agent: {} for agent in self.agents
@@ -191,10 +199,38 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         if self._free is None:
             return list(zip(starts, goals, strict=True))
         nothing = [None] * len(self.possible_agents)
-        # A goal within tolerance would end the episode in its first step.
-        return self._free.places(
-            self._rng, starts or nothing, goals or nothing, 2.0 * self._tolerance
-        )
+        return self._free.places(self._rng, starts or nothing, goals or nothing, self._nearest_goal)
+
+    def _spawned(self, number: int, places: list[tuple[Place, Place]]) -> Entity:
+        """Spawns a robot at its start; a random start that somebody occupies is drawn again, also in ``places``.
+
+        Raises:
+            ModelError: there is something at the given start, or at each one drawn.
+        """
+        agent = self.possible_agents[number]
+        turned = float(self._rng.uniform(-math.pi, math.pi))
+        yaw = float(self._starts[number][2]) if self._starts else turned
+        rotation = quaternion_from_rpy(0.0, 0.0, yaw)
+        for _ in range(_DRAWS):
+            (x, y), _ = places[number]
+            try:
+                return self._simulation.add_robot(
+                    agent, agent, self._robot, Pose((x, y, 0.0), rotation)
+                )
+            except ModelError:
+                if self._starts:
+                    raise
+                # The map does not show what moves, such as people.
+                places[number] = self._drawn_again(number, places)
+        raise ModelError(f"{agent}: something was in the way at {_DRAWS} random starts")
+
+    def _drawn_again(self, number: int, places: list[tuple[Place, Place]]) -> tuple[Place, Place]:
+        """Returns a robot's goal with another random start."""
+        assert self._free is not None, "without a map, all starts are given"
+        starts: list[Place | None] = [start for start, _ in places]
+        starts[number] = None
+        goals = [goal for _, goal in places]
+        return self._free.places(self._rng, starts, goals, self._nearest_goal)[number]
 
     def step(
         self, actions: dict[str, Array]
@@ -267,14 +303,20 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         return np.concatenate([ranges, extra], dtype=np.float32)
 
     def _state(self, agent: str, observation: Array, collided: bool) -> State:
-        distance, _, _, speed, turn = map(float, observation[-EXTRA:])
+        distance = float(observation[-EXTRA])
         progress, self._distances[agent] = self._distances[agent] - distance, distance
-        pose, nearest = (
-            self._simulation.pose(self._entities[agent]),
-            float(observation[:-EXTRA].min()) * self._reach,
-        )
+        entity = self._entities[agent]
+        pose = self._simulation.pose(entity)
+        velocity = self._simulation.velocity(entity).seen_from(pose.rotation)
         return State(
-            pose, distance, progress, speed, turn, distance <= self._tolerance, collided, nearest
+            pose=pose,
+            distance=distance,
+            progress=progress,
+            speed=velocity.linear[0],
+            turn=velocity.angular[2],
+            reached=distance <= self._tolerance,
+            collided=collided,
+            nearest=float(observation[:-EXTRA].min()) * self._reach,
         )
 
 
