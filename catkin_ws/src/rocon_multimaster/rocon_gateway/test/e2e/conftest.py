@@ -293,6 +293,12 @@ def fleet(tmp_path: Path) -> Iterator[Fleet]:
     yield from _fleet(tmp_path)
 
 
+@pytest.fixture
+def fleets() -> type[Fleet]:
+    """Makes fleets, which the test itself closes."""
+    return Fleet
+
+
 @pytest.fixture(scope="module")
 def shared_fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
     """A fleet shared by all tests of a file."""
