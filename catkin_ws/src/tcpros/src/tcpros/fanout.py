@@ -1,4 +1,4 @@
-"""Distributes one stream of frames to any number of receivers; keeps the last message of a latched topic."""
+"""Distributes one stream of frames to any number of receivers; keeps the latched messages for new ones."""
 
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
@@ -61,13 +61,29 @@ class Passage(NamedTuple):
     remaining: int  #: missing bytes of the arriving message; 0 between messages, when the next length must be read
 
 
+class Latch:
+    """Keeps what new receivers of a latched topic get first: the last message. Subclasses may keep more."""
+
+    def __init__(self) -> None:
+        self._last: memoryview | None = None
+
+    def keep(self, frame: memoryview) -> None:
+        """Takes a new message, as a frame that never changes."""
+        self._last = frame
+
+    @property
+    def frames(self) -> list[memoryview]:
+        """The kept messages, oldest first."""
+        return [] if self._last is None else [self._last]
+
+
 class Fanout:
     """Forwards frames as they arrive, in the pieces in which they were read."""
 
     def __init__(self, max_message_size: int) -> None:
         self.messages = 0  #: whole messages received
         self.bytes = 0  #: their bytes, including length prefixes
-        self.latching = False  #: whether the source's last message is kept for new receivers
+        self.latching = False  #: whether the source's messages are kept for new receivers
         self.relieved: Callable[[], None] = (
             do_nothing  #: called when a receiver takes more again after `is_full`
         )
@@ -75,7 +91,7 @@ class Fanout:
         self._splitter = FrameSplitter(max_message_size)
         self._outlets: list[Outlet] = []
         self._leaving: list[Outlet] = []
-        self._last: memoryview | None = None
+        self._latch = Latch()
         self._partial: list[memoryview] = []
 
     def __len__(self) -> int:
@@ -131,9 +147,9 @@ class Fanout:
         self._outlets[0].passed(count, ended)
 
     def join(self, outlet: Outlet) -> None:
-        """Adds a receiver. On a latched topic, it first gets the last message."""
-        if self._last is not None:
-            outlet.backlog.insert(self._last.tobytes())
+        """Adds a receiver. On a latched topic, it first gets the kept messages."""
+        for frame in self._latch.frames:
+            outlet.backlog.insert(frame.tobytes())
         partial = memoryview(b"".join(self._partial)) if self._partial else None
         outlet.backlog.begin(partial, self._splitter.remaining > 0)
         self._outlets.append(outlet)
@@ -160,15 +176,20 @@ class Fanout:
                 return
         outlet.left()
 
-    def begin(self, latching: bool) -> None:
-        """Prepares for a new source, between two frames; discards the latched message of the old one."""
+    def begin(self, latching: bool, latch: Latch | None = None) -> None:
+        """Prepares for a new source, between two frames; discards the latched messages of the old one.
+
+        Args:
+            latching: whether the source latches.
+            latch: keeps its messages; None for the last message.
+        """
         self.latching = latching
-        self._last = None
+        self._latch = latch or Latch()
 
     def restart(self) -> None:
         """Resets the stream after its source has ended. Receivers that got part of a message are closed."""
         self._splitter = FrameSplitter(self._max_message_size)
-        self._last = None
+        self._latch = Latch()
         self._partial.clear()
         for outlet in (*self._outlets, *self._leaving):
             if not outlet.backlog.abandon():
@@ -194,10 +215,10 @@ class Fanout:
         if not chunk.head_ends:
             return
         if chunk.head:
-            self._last = memoryview(b"".join(self._partial))
+            self._latch.keep(memoryview(b"".join(self._partial)))
             self._partial.clear()
         for start, stop in chunk.frames():
-            self._last = chunk.stable[start:stop]
+            self._latch.keep(chunk.stable[start:stop])
         if chunk.tail < len(chunk.data):
             self._partial.append(chunk.stable[chunk.tail :])
 

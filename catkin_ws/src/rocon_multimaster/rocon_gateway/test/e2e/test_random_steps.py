@@ -400,7 +400,7 @@ class Round:
         return ""
 
     def _wrong_messages(self, observed: float) -> str:
-        """Looks for losses, duplicates and strangers in the messages since `observed`."""
+        """Looks for losses, duplicates and unexpected senders in the messages since `observed`."""
         for ear in self.ears.values():
             ear.read()
         expected = self._expected()

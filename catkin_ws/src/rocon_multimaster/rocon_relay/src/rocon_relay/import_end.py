@@ -7,6 +7,7 @@ from typing import Any
 from rocon_relay.connection import ANY, Import, LinkState, LinkStatus
 from rocon_relay.context import Context
 from rocon_relay.dialled_link import TopicLink
+from rocon_relay.latch import latch_for
 from rocon_relay.link import Hello, limit_from_fields, mismatch, state_from_field
 from rocon_relay.outlet import Inflater
 from rocon_relay.pattern import matches_whole
@@ -164,7 +165,7 @@ class ImportEnd(StandingImport):
             self.registration.show()
             return
         self._source = fields
-        self.fanout.begin(fields.get("latching") == "1")
+        self.fanout.begin(fields.get("latching") == "1", latch_for(fields.get("type", ANY)))
         if self._state is LinkState.TYPE_MISMATCH:
             self.registration.show()
         elif self._state is LinkState.NO_PUBLISHER:

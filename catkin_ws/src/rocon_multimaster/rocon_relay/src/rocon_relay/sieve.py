@@ -41,7 +41,7 @@ def matching_transforms(message: memoryview, keeps: Callable[[str], bool]) -> by
     Returns:
         None if no transform is left, or `message` is malformed.
     """
-    transforms = _transforms(bytes(message))
+    transforms = transforms_in(bytes(message))
     kept = [message[start:end] for child, start, end in transforms if keeps(child)]
     if len(kept) == len(transforms) > 0:
         return bytes(message)
@@ -49,7 +49,7 @@ def matching_transforms(message: memoryview, keeps: Callable[[str], bool]) -> by
 
 
 @functools.lru_cache(maxsize=_REMEMBERED)
-def _transforms(message: bytes) -> tuple[tuple[str, int, int], ...]:
+def transforms_in(message: bytes) -> tuple[tuple[str, int, int], ...]:
     """Returns child frame, start and end of each transform in a message; empty if it is malformed.
 
     Cached, like `deflated`, because all robots of a fleet get the same messages.

@@ -5,6 +5,7 @@ from typing import Any, Protocol
 
 from rocon_relay.connection import ANY, Export
 from rocon_relay.context import Context
+from rocon_relay.latch import latch_for
 from tcpros.fanout import Fanout, Outlet
 from tcpros.reactor import Timer
 from tcpros.topic_source import PublisherConnection, offered_address
@@ -115,7 +116,7 @@ class Subscription:
         """Called with the publisher's connection header."""
         self._header = header
         self._pause.reset()
-        self.fanout.begin(header.get("latching") == "1")
+        self.fanout.begin(header.get("latching") == "1", latch_for(header.get("type", ANY)))
         for customer in tuple(self._customers):
             self._serve(customer)
 

@@ -1,6 +1,8 @@
 """Publishes numbered texts on /chatter, long ones on /big, and its arguments once, latched, on /latched.
 
-On /flood it publishes without a queue, as fast as its only subscriber reads; on /tf_static two latched frames.
+On /flood it publishes without a queue, as fast as its only subscriber reads; on /tf_static two latched frames. On
+/tf_latched each new subscriber gets the frames `left` and `right` in messages of their own, as from two latched
+publishers in one process.
 """
 
 import hashlib
@@ -67,6 +69,7 @@ class Burst(rospy.SubscribeListener):
 def main() -> None:
     rospy.init_node("talker")
     Flood()
+    several = rospy.Publisher("/tf_latched", TFMessage, Burst(), latch=True, queue_size=5)  # noqa: F841
     chatter = rospy.Publisher("/chatter", String, queue_size=100)
     big = rospy.Publisher("/big", String, queue_size=5)
     mixed = rospy.Publisher("/mixed", String, queue_size=5)

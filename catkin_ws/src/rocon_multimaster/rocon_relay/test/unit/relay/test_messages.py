@@ -17,6 +17,7 @@ from relay_side import (
     number_of_good,
     subscribers_of_talker,
 )
+from tf2_msgs.msg import TFMessage
 
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
@@ -107,6 +108,23 @@ def test_newcomers_get_the_last_latched_message_of_each_source(sides):
                 assert "string data" in first.header["message_definition"]
                 assert first.text_of_message() == f"last of {name}"
                 assert second.text_of_message() == f"last of {name}"
+
+
+def test_newcomers_get_the_frames_of_all_latched_publishers_in_one_node(sides):
+    source, sink = sides
+    connect(
+        source, sink, ("/tf_latched",), at_source={"type_": TFMessage._type}, type_=TFMessage._type
+    )
+    with Subscriber(sink, "/source/talker1", "/tf_latched") as first:
+        assert [poses(first) for _ in range(6)][4:] == [("left", 2.0), ("right", 2.0)]
+        with Subscriber(sink, "/source/talker1", "/tf_latched", "/other") as second:
+            assert [poses(second) for _ in range(2)] == [("left", 2.0), ("right", 2.0)]
+
+
+def poses(subscriber):
+    """Returns child frame and x of the only transform in the next message."""
+    (one,) = TFMessage().deserialize(subscriber.bytes()).transforms
+    return one.child_frame_id, one.transform.translation.x
 
 
 def test_a_topic_is_subscribed_at_its_source_only_while_somebody_listens(sides):
