@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from nav_bundle.msg import NavigationState
 
-from pioneer_demo.observer.conversions import trouble_from_state
+from pioneer_demo.observer.conversions import lack_from_state, trouble_from_state
 from pioneer_demo.observer.fleet import Fleet, faults, stuck_report, time_limit
 from pioneer_demo.observer.track import RobotTrack
 from pioneer_demo.report.view import live_lines, state_word
@@ -81,9 +81,9 @@ def test_the_state_says_what_a_robot_waits_for(fleet):
     assert state_word(robot) == "waiting for client"
     report(robot)
     assert state_word(robot) == "driving"
-    robot.trouble = "blocked: the way is blocked near (7.2, 6.8)"
+    robot.troubles["move_base"] = "blocked: the way is blocked near (7.2, 6.8)"
     assert state_word(robot) == "blocked: the way is blocked near (7.2, 6.8)"
-    robot.trouble = ""
+    robot.troubles.clear()
     robot.add_queue(Queue(ClientState.RESTING, 1, 0, 0, ""))
     assert state_word(robot) == "resting"
     report(robot, reached=1)
@@ -123,11 +123,41 @@ def test_a_robot_that_does_not_get_on_is_shown_with_move_base_s_reason(
     assert trouble_from_state(message, {}) == ("the reason" if shown else "")
 
 
-def test_what_a_robot_waits_for_at_the_start_is_shown() -> None:
-    message = NavigationState(state=NavigationState.STARTING, text="starting: waiting for the map")
+def test_what_a_robot_waits_for_at_the_start_is_shown(fleet) -> None:
+    message = NavigationState(state=NavigationState.STARTING, text="starting")
+    assert lack_from_state(message) == ""
+    message.text = "starting: waiting for the map"
     assert trouble_from_state(message, {}) == ""
-    message.reason = NavigationState.NO_SENSOR_DATA
-    assert trouble_from_state(message, {}) == "starting: waiting for the map"
+    robot = started(fleet)
+    robot.lacks["move_base"] = lack_from_state(message)
+    assert state_word(robot) == "starting: waiting for the map"
+
+
+def started(fleet) -> RobotTrack:
+    robot = fleet.robots[0]
+    robot.visits.clear()
+    robot.add_correction(Pose(0.0, 0.0))
+    report(robot)
+    return robot
+
+
+def test_the_right_of_way_says_first_why_a_robot_does_not_get_on(fleet) -> None:
+    robot = started(fleet)
+    robot.troubles["move_base"] = "blocked: the way is blocked"
+    assert state_word(robot) == "blocked: the way is blocked"
+    robot.troubles["traffic"] = "waiting: waits for pioneer2"
+    assert state_word(robot) == "waiting: waits for pioneer2"
+    robot.troubles["traffic"] = ""
+    assert state_word(robot) == "blocked: the way is blocked"
+
+
+@pytest.mark.parametrize("action", ["move_base", "traffic"])
+def test_a_robot_whose_action_server_has_died_waits_for_it(fleet, action: str) -> None:
+    """The last state of a node that has ended is out of date: kill -9 leaves no other."""
+    robot = started(fleet)
+    robot.troubles[action] = "waiting: waits for pioneer2"
+    robot.add_queue(Queue(ClientState.WAITING_FOR_MOVE_BASE, 1, 0, 0, f"{action} disconnected"))
+    assert state_word(robot) == f"waiting for {action}"
 
 
 @pytest.mark.parametrize("reason", [NavigationState.WAY_BLOCKED, NavigationState.GOAL_OCCUPIED])

@@ -4,13 +4,38 @@ import math
 from typing import Any
 
 from geometry_msgs.msg import Point
+from nav_bundle.msg import NavigationState
 from std_msgs.msg import Header
 
+from pioneer_traffic.event import Condition, Status
 from pioneer_traffic.msg import Path as PathMessage
 from pioneer_traffic.msg import Plan as PlanMessage
 from pioneer_traffic.msg import Report as ReportMessage
 from pioneer_traffic.msg import Wait as WaitMessage
 from pioneer_traffic.report import Plan, PlanId, Report, Wait
+
+_STATES = {
+    Condition.STARTING: NavigationState.STARTING,
+    Condition.IDLE: NavigationState.IDLE,
+    Condition.DRIVING: NavigationState.DRIVING,
+    Condition.BLOCKED: NavigationState.BLOCKED,
+    Condition.WAITING: NavigationState.WAITING,
+    Condition.HELD: NavigationState.HELD,
+    Condition.FAILED: NavigationState.FAILED,
+}
+
+
+def message_from_status(status: Status, stamp: Any) -> NavigationState:
+    """Returns what a robot does since ``stamp`` (genpy.Time) as a message."""
+    return NavigationState(
+        header=Header(0, stamp, "map"),
+        state=_STATES[status.condition],
+        reason=NavigationState.WAY_BLOCKED if status.robots else NavigationState.NO_REASON,
+        place=Point(math.nan, math.nan, 0.0),
+        robot=status.robots[0] if status.robots else "",
+        since=stamp,
+        text=status.text(),
+    )
 
 
 def message_from_report(report: Report, stamp: Any) -> ReportMessage:

@@ -20,11 +20,13 @@ from pioneer_traffic.geometry import Point, distance_to_segment
 from pioneer_traffic.neighbours import (
     TOLERANCE,
     Neighbours,
+    Obstruction,
     comes_by,
     ground_wanted,
     hear_one_another,
     held_outside,
     is_ready,
+    listed,
     partners_of,
 )
 from pioneer_traffic.planning import planned
@@ -89,19 +91,20 @@ class Coordinator:
         """Returns the positions of the other robots in the plan."""
         return {report.robot: report.position for report in self._neighbours.of(self._plan)}
 
-    def obstruction(self) -> str:
+    def obstruction(self) -> Obstruction:
         """Returns why the robot waits, naming the robots that have to pass first or stand in the way."""
+        heard = self._own.heard
         path = self._plan.paths.get(self._own.robot, ())
         if not path:
-            return self._neighbours.exclusion()
+            return self._neighbours.exclusion(heard)
         waits = self._waits(self._taken + 1)
         ahead = path[self._taken + 1] if self._taken + 1 < len(path) else -1
         first = sorted(
             {wait.other for wait in waits if not self._has_left(wait.other, wait.other_step, ahead)}
         )
         if first:
-            return f"waits for {', '.join(first)}, which did not move,"
-        return self._neighbours.obstruction(self._plan)
+            return Obstruction(f"waits for {listed(first, heard)}", tuple(first))
+        return self._neighbours.obstruction(self._plan, heard)
 
     def set_waypoint(self, waypoint: Point | None, now: float) -> bool:
         """Sets the waypoint, None for none; returns False if it is in a wall, or no place of the roadmap is near."""

@@ -10,6 +10,7 @@ import rospy
 from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import PoseStamped
 from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseGoal
+from nav_bundle.msg import NavigationState
 from nav_msgs.msg import OccupancyGrid
 
 from nav_bundle.base.conversions import stamped_from_pose
@@ -24,7 +25,11 @@ from pioneer_node.nodes import entry
 from pioneer_node.nodes.rospy_handle import RospyHandle
 from pioneer_node.nodes.standing_warning import StandingWarning
 from pioneer_traffic.config import PilotConfig
-from pioneer_traffic.conversions import message_from_report, report_from_message
+from pioneer_traffic.conversions import (
+    message_from_report,
+    message_from_status,
+    report_from_message,
+)
 from pioneer_traffic.event import (
     Action,
     CancelDrive,
@@ -40,6 +45,7 @@ from pioneer_traffic.event import (
     NewRoadmap,
     Note,
     Send,
+    Status,
     StretchEnded,
 )
 from pioneer_traffic.goal_server import GoalServer
@@ -75,7 +81,8 @@ class CoordinatorNode:
         ``move_base/cancel`` (actionlib_msgs/GoalID) and ``move_base/goal`` (move_base_msgs/MoveBaseActionGoal) of
         other nodes, which stop the robot; goals (``nodes.goal_server``).
 
-    Publishes: ``/traffic/reports`` at 5 Hz of wall time; in lockstep, of simulated time.
+    Publishes: ``/traffic/reports`` at 5 Hz of wall time; in lockstep, of simulated time. ``traffic/state``
+        (nav_bundle/NavigationState, latched): what the robot does by the right of way, and why it does not get on.
 
     Actions served: ``traffic`` (move_base_msgs/MoveBaseAction). Called: ``move_base``.
 
@@ -108,6 +115,8 @@ class CoordinatorNode:
         self._publisher = rospy.Publisher(
             "/traffic/reports", ReportMessage, queue_size=5, tcp_nodelay=True
         )
+        self._state = rospy.Publisher("traffic/state", NavigationState, queue_size=1, latch=True)
+        self._shown: Status | None = None
         handle = RospyHandle()
         self._name = handle.name
         self._move_base = MoveBase(handle, "move_base", self._on_stretch_end)
@@ -207,6 +216,13 @@ class CoordinatorNode:
         )
         for action in self._pilot.step(events, inputs, now):
             self._do(action)
+        self._show(self._pilot.status)
+
+    def _show(self, status: Status) -> None:
+        """Publishes what the robot does, if that has changed."""
+        if status != self._shown:
+            self._shown = status
+            self._state.publish(message_from_status(status, rospy.Time.now()))
 
     def _take_events(self) -> list[Event]:
         """Returns the pilot's events since the last call, in the order of arrival."""

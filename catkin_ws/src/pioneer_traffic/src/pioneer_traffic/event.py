@@ -1,6 +1,7 @@
 """What happens to a robot's pilot, what it sees, and what it asks for."""
 
 from dataclasses import dataclass
+from enum import Enum
 
 from pioneer_traffic.geometry import Point
 from pioneer_traffic.report import Report
@@ -116,3 +117,28 @@ class Note:
 
 
 Action = Drive | CancelDrive | Finish | Send | Note
+
+
+class Condition(Enum):
+    """What a robot does by the right of way; the values are the words of ``nav_bundle/NavigationState``."""
+
+    STARTING = "starting"
+    IDLE = "idle"
+    DRIVING = "driving"
+    BLOCKED = "blocked"
+    WAITING = "waiting"
+    HELD = "held"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class Status:
+    """What a robot does by the right of way, and why it does not get on."""
+
+    condition: Condition = Condition.IDLE
+    reason: str = ""  #: without a full stop; empty for none
+    robots: tuple[str, ...] = ()  #: the robots that it waits for, or that stand in the way
+
+    def text(self) -> str:
+        """Returns the status for people."""
+        return f"{self.condition.value}: {self.reason}" if self.reason else self.condition.value

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from pioneer_traffic.config import CoordinatorConfig
 from pioneer_traffic.geometry import Point
@@ -26,6 +27,13 @@ class Occupied:
 
     places: frozenset[int]
     ways: frozenset[Way]  #: with their directions
+
+
+class Obstruction(NamedTuple):
+    """Why a robot waits."""
+
+    text: str
+    robots: tuple[str, ...] = ()  #: names of the robots that have to pass first or stand in the way
 
 
 class Neighbours:
@@ -112,19 +120,24 @@ class Neighbours:
         self._occupied[point] = found
         return found
 
-    def obstruction(self, plan: Plan) -> str:
-        """Returns what blocks the way of a robot that waits for no other by the plan."""
-        aside = sorted(set(self.reports) - set(plan.paths))
-        return (
-            f"no way leads past {', '.join(aside)}"
-            if aside
-            else "the right of way found no way to the goal"
-        )
+    def obstruction(self, plan: Plan, fresh: Collection[str]) -> Obstruction:
+        """Returns what blocks the way of a robot that waits for no other by the plan.
 
-    def exclusion(self) -> str:
-        """Returns why a robot is in no plan."""
-        names = ", ".join(sorted(self.reports))
-        return f"no place is free, among {names}," if names else "no plan includes the robot"
+        Args:
+            plan: the robot's.
+            fresh: names of the robots that are not lost.
+        """
+        aside = tuple(sorted(set(self.reports) - set(plan.paths)))
+        if not aside:
+            return Obstruction("the right of way found no way to the goal")
+        return Obstruction(f"no way leads past {listed(aside, fresh)}", aside)
+
+    def exclusion(self, fresh: Collection[str]) -> Obstruction:
+        """Returns why a robot is in no plan; ``fresh`` are the names of the robots that are not lost."""
+        names = tuple(sorted(self.reports))
+        if not names:
+            return Obstruction("no plan includes the robot")
+        return Obstruction(f"no place is free, among {listed(names, fresh)}", names)
 
     def strays(self) -> list[Point]:
         """Returns the positions of robots that are away from what they hold, or that hold nothing."""
@@ -141,6 +154,11 @@ class Neighbours:
         here = before if math.dist(before, report.position) < _MOVED else report.position
         self._standing[report.robot] = here
         return here
+
+
+def listed(names: Iterable[str], fresh: Collection[str]) -> str:
+    """Returns names for people; says which robots send no reports."""
+    return ", ".join(name if name in fresh else f"{name} (sends no reports)" for name in names)
 
 
 def partners_of(own: Report, fresh: dict[str, Report]) -> list[Report]:

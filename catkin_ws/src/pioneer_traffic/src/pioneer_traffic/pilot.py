@@ -19,6 +19,7 @@ from pioneer_traffic.event import (
     Action,
     CancelDrive,
     CancelRequested,
+    Condition,
     Drive,
     Event,
     Finish,
@@ -30,6 +31,7 @@ from pioneer_traffic.event import (
     NewRoadmap,
     Note,
     Send,
+    Status,
     StretchEnded,
 )
 from pioneer_traffic.geometry import Point
@@ -107,6 +109,8 @@ class Pilot:
         self._stood_at: Point | None = None  # where the robot came to stand without a goal
         self._stepped_at = -math.inf
         self._actions: list[Action] = []
+        self._failure = ""  # why the last goal was aborted
+        self.status = Status()  #: after the last step
         self.held = ""  #: why the robot stays until the next goal; empty if it does not
 
     @property
@@ -127,6 +131,7 @@ class Pilot:
         self._watch_hands(inputs)
         self._drive(inputs, now)
         self._watch_goal(inputs, now)
+        self.status = self._status(inputs)
         return self._actions
 
     def _restart_clock(self, inputs: Inputs, now: float) -> None:
@@ -165,6 +170,7 @@ class Pilot:
         """Starts a goal; the caller has ended the one before."""
         self._goal = _Goal(event.point, inputs.stamp, now, self._stretches + 1)
         self._failures = 0
+        self._failure = ""
         self._progress.restart(now)
         if self._stretch is not None and self._stretch.final:
             self._stretch.final = False  # it was the goal before
@@ -215,6 +221,7 @@ class Pilot:
             self._coordinator.hold()
 
     def _abort(self, reason: str) -> None:
+        self._failure = reason
         self._cancel_stretch()
         self._end_goal(Outcome.ABORTED, reason)
 
@@ -344,19 +351,32 @@ class Pilot:
         if self._coordinator is not None:
             positions |= self._coordinator.partners()
         if self._progress.update(positions, now) > self._config.stall:
-            self._abort(f"{self._obstruction(inputs)} for {self._config.stall:g} s")
+            reason = self._obstruction(inputs).reason
+            self._abort(f"{reason}; no robot has moved for {self._config.stall:g} s")
 
-    def _obstruction(self, inputs: Inputs) -> str:
+    def _status(self, inputs: Inputs) -> Status:
+        """Returns what the robot does, and why it does not get on."""
+        if self._goal is not None:
+            is_driving = self._stretch is not None and self._stretch.active
+            return Status(Condition.DRIVING) if is_driving else self._obstruction(inputs)
+        if self.held:
+            return Status(Condition.HELD, f"{self.held}: the robot stays until the next goal")
+        if self._failure:
+            return Status(Condition.FAILED, self._failure)
+        return Status()
+
+    def _obstruction(self, inputs: Inputs) -> Status:
         """Returns what the goal waits for."""
         if inputs.position is None:
-            return "the robot's position in map has been unknown"
+            return Status(Condition.BLOCKED, "the robot's position in map is unknown")
         if self._coordinator is None:
-            return "no map has arrived"
+            return Status(Condition.STARTING, "no map has arrived")
         if not inputs.present:
-            return "move_base has not been running"
+            return Status(Condition.BLOCKED, "move_base is not running")
         if self._failures:
-            return "move_base has given up the way"
-        return self._coordinator.obstruction()
+            return Status(Condition.BLOCKED, "move_base has given up the way")
+        text, robots = self._coordinator.obstruction()
+        return Status(Condition.WAITING, text, robots)
 
     def _is_at(self, point: Point, inputs: Inputs) -> bool:
         return (

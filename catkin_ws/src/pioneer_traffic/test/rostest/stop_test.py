@@ -16,8 +16,10 @@ import rostest
 from actionlib_msgs.msg import GoalID, GoalStatusArray
 from geometry_msgs.msg import PoseStamped, Quaternion, TransformStamped, Twist, Vector3
 from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult
+from nav_bundle.msg import NavigationState
 from nav_msgs.msg import OccupancyGrid
 from pioneer_traffic.msg import Report
+from simple_navigation_goals.msg import WaypointQueue
 from std_msgs.msg import Empty
 from tf2_msgs.msg import TFMessage
 
@@ -54,6 +56,14 @@ class StopTest(unittest.TestCase):
             "traffic/result", MoveBaseActionResult, lambda result: cls.results.append(result)
         )
         rospy.Subscriber("/traffic/reports", Report, lambda report: cls.reports.append(report))
+        cls.state = NavigationState()
+        cls.queue = WaypointQueue()
+        rospy.Subscriber(
+            "traffic/state", NavigationState, lambda state: setattr(cls, "state", state)
+        )
+        rospy.Subscriber(
+            "map_goal_client/queue", WaypointQueue, lambda queue: setattr(cls, "queue", queue)
+        )
         cls.waypoints = rospy.Publisher("map_goal", Twist, queue_size=1)
         cls.clear = rospy.Publisher("map_goal_client/cancel", Empty, queue_size=1)
         cls.cancels = {
@@ -138,15 +148,24 @@ class StopTest(unittest.TestCase):
         pose.pose.orientation.w = 1.0
         return pose
 
-    def expect_stop(self, goal: MoveBaseActionGoal, stop: Callable[[], object]) -> None:
-        """Stops the robot, and checks that move_base's goal ends soon and that no other follows."""
+    def expect_stop(
+        self,
+        goal: MoveBaseActionGoal,
+        stop: Callable[[], object],
+        reason: Callable[[], object] | None = None,
+    ) -> None:
+        """Stops the robot, and checks that move_base's goal ends soon, that no other follows, and the reason given."""
         sent = len(self.sent)
         begin = time.monotonic()
         stop()
         wait_until(lambda: self.has_ended(goal.goal_id.id), "the end of move_base's goal", 10.0)
         took = time.monotonic() - begin
         assert took <= STOPPED_WITHIN, f"stopped after {took:.2f} s"
+        wait_until(reason or self.is_held, "the reason in the state", 2.0)
         self.expect_no_goal_after(sent)
+
+    def is_held(self) -> bool:
+        return self.state.state == NavigationState.HELD and "until the next goal" in self.state.text
 
     def expect_no_goal_after(self, count: int) -> None:
         """Checks that move_base gets no goal beyond the first ``count`` while it publishes its status."""
@@ -225,7 +244,12 @@ class StopTest(unittest.TestCase):
     def test_the_death_of_the_coordinator_stops_the_robot(self) -> None:
         goal = self.drive()
         try:
-            self.expect_stop(goal, lambda: os.kill(self.coordinator, signal.SIGKILL))
+            self.expect_stop(
+                goal,
+                lambda: os.kill(self.coordinator, signal.SIGKILL),
+                lambda: "traffic disconnected" in self.queue.text,
+            )
+            assert self.queue.state == WaypointQueue.WAITING_FOR_MOVE_BASE
         finally:
             self.clear.publish(Empty())
             self.start_coordinator()

@@ -13,6 +13,7 @@ from pioneer_traffic.event import (
     Action,
     CancelDrive,
     CancelRequested,
+    Condition,
     Drive,
     Event,
     Finish,
@@ -24,11 +25,12 @@ from pioneer_traffic.event import (
     NewRoadmap,
     Note,
     Send,
+    Status,
     StretchEnded,
 )
 from pioneer_traffic.geometry import Point
 from pioneer_traffic.pilot import Pilot
-from pioneer_traffic.report import Report
+from pioneer_traffic.report import NO_PLAN, Report
 from pioneer_traffic.roadmap import Roadmap
 from simple_navigation_goals.queue import Outcome
 
@@ -262,6 +264,48 @@ def test_a_goal_behind_a_robot_that_stays_ends_with_its_name() -> None:
     assert "b" in robot.finished[0].text
 
 
+def test_a_robot_whose_partner_falls_silent_stands_before_it_and_names_it() -> None:
+    """What a silent robot held stays its own: after the lease, it is an obstacle where it was last."""
+    robot = driving_robot()
+    partner = Report("b", ROW.signature, (6.0, 0.0), (6,), heard=("a",), ready=NO_PLAN)
+    for _ in range(5):
+        robot.step(Heard(partner))
+    robot.run(20.0)
+    assert robot.position is not None
+    assert robot.position[0] <= 5.0 + robot.config.reach
+    assert robot.pilot.status.condition is Condition.WAITING
+    assert robot.pilot.status.robots == ("b",)
+    assert "b (sends no reports)" in robot.pilot.status.text()
+
+
+def test_a_robot_that_does_not_know_where_it_is_takes_no_further_place() -> None:
+    robot = driving_robot()
+    robot.position = None
+    drives = len(robot.drives)
+    robot.end_stretch(Outcome.ABORTED, "a transform is missing")
+    robot.run(20.0)
+    assert len(robot.drives) == drives
+    assert robot.pilot.status.text() == "blocked: the robot's position in map is unknown"
+
+
+def test_the_status_says_what_the_robot_does() -> None:
+    robot = Robot()
+    assert robot.pilot.status == Status(Condition.IDLE)
+    robot.step(NewGoal((8.0, 0.0)))
+    assert robot.pilot.status.text() == "starting: no map has arrived"
+    robot.step(NewRoadmap(ROW))
+    robot.run(4.0)
+    assert robot.pilot.status == Status(Condition.DRIVING)
+    robot.step(CancelRequested(everything=True, reason="cancelled by /rviz"))
+    held = "held: cancelled by /rviz: the robot stays until the next goal"
+    assert robot.pilot.status.text() == held
+    robot.step(NewGoal((50.0, 50.0)))
+    assert robot.pilot.status.condition is Condition.HELD
+    robot.step(NewGoal((3.0, 0.0)))
+    robot.run(20.0)
+    assert robot.pilot.status == Status(Condition.IDLE)
+
+
 def test_an_idle_robot_that_is_moved_by_hand_stays() -> None:
     robot = Robot()
     robot.step(NewRoadmap(ROW))
@@ -401,12 +445,26 @@ class Chaos:
         if isinstance(control, NewGoal) and not robot.pilot.held:
             self.stopped = False  # it was accepted, though perhaps it has ended already
         assert self.active == robot.pilot.has_goal, f"{place}: a goal ended without a result"
+        self.check_status(place)
         assert not (self.stopped and drives), f"{place}: a stop was undone"
         assert not (self.stopped and robot.stop), f"{place}: the robot drives after a stop"
         if drives and not self.active:
             assert robot.reports[-1].adopted.number > 0, (
                 f"{place}: the robot drives without goal and plan"
             )
+
+    def check_status(self, place: str) -> None:
+        """Checks that the status gives the true reason of a robot that stands."""
+        status = self.robot.pilot.status
+        stands = (Condition.STARTING, Condition.BLOCKED, Condition.WAITING)
+        if self.active:
+            assert status.condition in (Condition.DRIVING, *stands), f"{place}: {status}"
+        else:
+            assert status.condition not in (Condition.DRIVING, *stands), f"{place}: {status}"
+        is_held = bool(self.robot.pilot.held) and not self.active
+        assert (status.condition is Condition.HELD) == is_held, f"{place}: {status}"
+        if status.condition not in (Condition.DRIVING, Condition.IDLE):
+            assert status.reason, f"{place}: no reason"
 
 
 @settings(max_examples=20, deadline=None)

@@ -4,8 +4,14 @@ import math
 
 import genpy
 import pytest
+from nav_bundle.msg import NavigationState
 
-from pioneer_traffic.conversions import message_from_report, report_from_message
+from pioneer_traffic.conversions import (
+    message_from_report,
+    message_from_status,
+    report_from_message,
+)
+from pioneer_traffic.event import Condition, Status
 from pioneer_traffic.report import Plan, PlanId, Report, Wait
 
 PLAN = Plan(
@@ -47,3 +53,13 @@ def test_a_report_without_a_position_is_refused() -> None:
     message = message_from_report(REPORT, genpy.Time(3))
     message.position.x = math.nan
     assert report_from_message(message, 77, 10) is None
+
+
+@pytest.mark.parametrize("condition", Condition)
+def test_every_status_has_a_state(condition: Condition) -> None:
+    status = Status(condition, "waits for b, c", ("b", "c"))
+    message = message_from_status(status, genpy.Time(3))
+    assert message.text == f"{condition.value}: waits for b, c"
+    assert message.state == getattr(NavigationState, condition.name)
+    assert (message.robot, message.reason) == ("b", NavigationState.WAY_BLOCKED)
+    assert message_from_status(Status(condition), genpy.Time(3)).text == condition.value

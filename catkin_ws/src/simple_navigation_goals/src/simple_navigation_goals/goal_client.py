@@ -89,7 +89,7 @@ class GoalClientNode:
     ) -> None:
         config = config_from_mapping(GoalClientConfig, node.parameters(), node.name)
         self._node, self._frame, self._locate = node, frame, locate
-        self._queue, self._file = WaypointQueue(config), QueueFile(config.queue_file)
+        self._queue, self._file = WaypointQueue(config, config.action), QueueFile(config.queue_file)
         self._unwritten = StandingWarning(
             "waypoints are remembered again", _FILE_PERIOD, node.logger
         )

@@ -71,10 +71,16 @@ class Event(NamedTuple):
 
 
 class WaypointQueue:
-    """Waypoints in order of arrival; the first is the current one. Not thread-safe."""
+    """Waypoints in order of arrival; the first is the current one. Not thread-safe.
 
-    def __init__(self, config: QueueConfig | None = None) -> None:
+    Args:
+        config: policy for waypoints that are aborted.
+        action: name of the action that takes the waypoints, for people.
+    """
+
+    def __init__(self, config: QueueConfig | None = None, action: str = "move_base") -> None:
         self.config = config or QueueConfig()
+        self._action = action
         #: aborted: number of waypoints given up after all retries, without those cleared or cancelled by others
         #: reached: number of waypoints that move_base reported as reached
         #: received: number of waypoints accepted since the start
@@ -114,7 +120,7 @@ class WaypointQueue:
         self._held = False
         self._say(f"waypoint {self.received} {waypoint} received, {len(self.waiting)} waiting")
         if not self._server and len(self.waiting) == 1 and self.current is None:
-            self._say("waiting for move_base")
+            self._say(f"waiting for {self._action}")
 
     def patrol(self, patrol: Patrol) -> bool:
         """Clears the queue and starts a patrol; returns the result of ``clear``."""
@@ -158,13 +164,13 @@ class WaypointQueue:
     def server_found(self) -> None:
         """Records that move_base is connected."""
         self._server = True
-        self._say("move_base is running")
+        self._say(f"{self._action} is running")
 
     def server_lost(self) -> None:
         """Records that move_base has disconnected; an active waypoint will be due again after a reconnect."""
         self._server = self._under_way = False
         self._say(
-            "move_base disconnected"
+            f"{self._action} disconnected"
             + (f"; {self._named()} will be sent again" if self.current else ""),
             trouble=True,
         )
@@ -192,7 +198,8 @@ class WaypointQueue:
                 self._drop_current()
             case Outcome.LOST:
                 self._say(
-                    f"move_base no longer knows {self._named()}; it is sent again", trouble=True
+                    f"{self._action} no longer knows {self._named()}; it is sent again",
+                    trouble=True,
                 )
         self._go_round()
 
@@ -205,7 +212,7 @@ class WaypointQueue:
         if self._retries_left > 0:
             self._retries_left -= 1
             self._say(
-                f"move_base gave up {self._named()}{reason}; trying again, {self._retries_left} retries left",
+                f"{self._action} gave up {self._named()}{reason}; trying again, {self._retries_left} retries left",
                 trouble=True,
             )
             return

@@ -267,3 +267,14 @@ def test_who_cancels_the_last_goal_of_a_round_is_not_driven_against() -> None:
     assert send(queue) == 9.0
     queue.finished(Outcome.REACHED)
     assert send(queue) == 0.0
+
+
+def test_the_texts_name_the_action_that_takes_the_waypoints():
+    """With right of way, "move_base disconnected" was said of the coordinator."""
+    queue = WaypointQueue(action="traffic")
+    queue.server_found()
+    queue.server_lost()
+    assert [event.text for event in queue.take_events()] == [
+        "traffic is running",
+        "traffic disconnected",
+    ]

@@ -82,11 +82,16 @@ def trouble_from_state(message: Any, others: Mapping[str, Pose]) -> str:
         message.HELD,
         message.FAILED,
     )
-    waits_at_start = message.state == message.STARTING and message.reason != message.NO_REASON
-    if message.state not in troubled and not waits_at_start:
+    if message.state not in troubled:
         return ""
     robot = _unnamed_robot(message, others)
     return f"{message.text}: {robot} is there" if robot else str(message.text)
+
+
+def lack_from_state(message: Any) -> str:
+    """Returns what a starting node waits for, from a ``nav_bundle/NavigationState``; empty if for nothing."""
+    names_it = message.text != "starting"
+    return str(message.text) if message.state == message.STARTING and names_it else ""
 
 
 def _unnamed_robot(message: Any, others: Mapping[str, Pose]) -> str:

@@ -15,6 +15,8 @@ _SERVICE = "/gateway/flip"
 _RETRY = 0.2
 STATE = ("map_goal_client/queue", "move_base/state")
 """Topics of each robot that every fleet flips, in addition to /tf."""
+TRAFFIC = ("traffic/state",)
+"""Topics that a fleet with right of way flips as well."""
 COURSE = (*STATE, "move_base/NavfnROS/plan", "move_base/status")
 """Topics that a demo flips, for its picture and for reports about stuck robots."""
 _NOT_YET = (

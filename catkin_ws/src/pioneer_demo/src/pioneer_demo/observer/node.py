@@ -22,7 +22,7 @@ from tf2_msgs.msg import TFMessage
 from pioneer_demo.observer import conversions
 from pioneer_demo.observer.fleet import Fleet
 from pioneer_demo.observer.recording import Recording
-from pioneer_demo.observer.track import RobotTrack
+from pioneer_demo.observer.track import MOVE_BASE, RIGHT_OF_WAY, RobotTrack
 from pioneer_demo.scenario.floor import Floor
 from pioneer_demo.scenario.option import OBSERVER
 from pioneer_fleet.geometry import Pose
@@ -45,7 +45,8 @@ class ObserverNode:
     Subscribes:
         /clock, /gazebo/ready, /gazebo/real_time_factor, /tf, /gateway/gateway_info, /diagnostics, once /map;
         in each robot's namespace base_pose_ground_truth, collisions, map_goal_client/queue, move_base/state,
-        move_base/status, move_base/NavfnROS/plan (the last four through the gateway), and for a video base_scan.
+        traffic/state, move_base/status, move_base/NavfnROS/plan (the last five through the gateway), and for a video
+        base_scan.
 
     Publishes:
         <robot>/map_goal (geometry_msgs/Twist) for each robot, forwarded to the robot's master by the gateway.
@@ -106,7 +107,10 @@ class ObserverNode:
             "base_pose_ground_truth": (Odometry, self._on_truth),
             "collisions": (UInt32, self._on_collisions),
             "map_goal_client/queue": (WaypointQueue, self._on_queue),
-            "move_base/state": (NavigationState, self._on_navigation),
+            **{
+                f"{action}/state": (NavigationState, functools.partial(self._on_navigation, action))
+                for action in (MOVE_BASE, RIGHT_OF_WAY)
+            },
             "move_base/status": (GoalStatusArray, self._on_status),
             "move_base/NavfnROS/plan": (Path, self._on_plan),
         }
@@ -187,13 +191,14 @@ class ObserverNode:
     def _on_queue(self, robot: RobotTrack, message: WaypointQueue) -> None:
         robot.add_queue(queue_from_message(message))
 
-    def _on_navigation(self, robot: RobotTrack, message: NavigationState) -> None:
+    def _on_navigation(self, action: str, robot: RobotTrack, message: NavigationState) -> None:
         others = {
             other.name: other.pose
             for other in self._fleet.robots
             if other is not robot and other.pose is not None
         }
-        robot.trouble = conversions.trouble_from_state(message, others)
+        robot.troubles[action] = conversions.trouble_from_state(message, others)
+        robot.lacks[action] = conversions.lack_from_state(message)
 
     def _on_status(self, robot: RobotTrack, message: GoalStatusArray) -> None:
         robot.status = conversions.status_from_message(message)

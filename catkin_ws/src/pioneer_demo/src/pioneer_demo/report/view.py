@@ -12,7 +12,6 @@ from pioneer_fleet.monitor.monitor import ClientState
 
 _WORDS = {
     ClientState.IDLE: "waiting",
-    ClientState.WAITING_FOR_MOVE_BASE: "waiting for move_base",
     ClientState.DRIVING: "driving",
     ClientState.RESTING: "resting",
     ClientState.UNKNOWN: "in an unknown state",
@@ -118,6 +117,10 @@ def state_word(robot: RobotTrack) -> str:
         return "driven by another navigation"
     if not robot.localised:
         return "waiting for amcl"
+    if robot.lack:
+        return robot.lack
+    if robot.queue and robot.queue.state is ClientState.WAITING_FOR_MOVE_BASE:
+        return f"waiting for {robot.action}"  # what that said last is out of date
     if robot.trouble:
         return robot.trouble
     return _WORDS[robot.queue.state] if robot.queue else "waiting for client"

@@ -15,7 +15,7 @@ from pioneer_demo.console.stopwatch import Stopwatch
 from pioneer_demo.console.terminal import Display
 from pioneer_demo.error import StartError
 from pioneer_demo.observer.fleet import Fleet
-from pioneer_demo.observer.flip import STATE, FlipRequest
+from pioneer_demo.observer.flip import STATE, TRAFFIC, FlipRequest
 from pioneer_demo.observer.node import ObserverNode
 from pioneer_demo.observer.recording import Recording
 from pioneer_demo.observer.track import RobotTrack
@@ -278,7 +278,8 @@ class FleetRun:
         if self.course is not None:
             self.course.start()  # tokens replace the flips
             return lambda: True
-        self._flips = FlipRequest(OBSERVER, self._config.names, topics)
+        flipped = (*topics, *(TRAFFIC if self._config.traffic else ()))
+        self._flips = FlipRequest(OBSERVER, self._config.names, flipped)
         self._flips.start()
         return self._flips.accepted
 
