@@ -1,5 +1,6 @@
 """How a member of a ring handles tokens."""
 
+import threading
 from types import SimpleNamespace
 from typing import Any
 
@@ -77,8 +78,9 @@ def test_a_period_sets_time_delivers_works_and_replaces_the_members_messages() -
 
     def step() -> None:
         seen.append(b"step")
-        exchange.note("/cmd", b"new")
+        exchange.publish("/cmd", b"new")
 
+    exchange.set_wanted(["/cmd"])
     made.step = step
     before = [
         LockstepMessage("/gazebo", "/scan", b"scan"),
@@ -113,14 +115,31 @@ def test_an_answer_names_the_period_and_whether_it_is_at_work() -> None:
 
 def test_a_latched_message_reaches_a_topic_that_is_wanted_later_once_a_publisher() -> None:
     exchange = Exchange("/a")
-    exchange.keep("/map", 1, b"one")
-    exchange.keep("/map", 2, b"two")
-    exchange.keep("/gone", 1, b"three")
-    exchange.keep("/gone", 1, None)
+    exchange.publish("/map", b"one", latched_by=1)
+    exchange.publish("/map", b"two", latched_by=2)
+    exchange.publish("/gone", b"three", latched_by=1)
+    exchange.forget("/gone", 1)
     exchange.set_wanted(["/map", "/gone"])
     assert [one.data for one in exchange.take()] == [b"one", b"two"]
     exchange.set_wanted(["/map"])
     assert exchange.take() == []
+
+
+def test_a_latched_message_of_the_moment_its_topic_is_taken_up_is_sent_exactly_once() -> None:
+    """It was lost if the publisher had looked before the topic was taken up, and kept the message after."""
+    for _ in range(300):
+        exchange, begin = Exchange("/a"), threading.Barrier(2)
+
+        def publish(exchange: Exchange = exchange, begin: threading.Barrier = begin) -> None:
+            begin.wait()
+            exchange.publish("/map", b"one", latched_by=1)
+
+        publisher = threading.Thread(target=publish)
+        publisher.start()
+        begin.wait()
+        exchange.set_wanted(["/map"])
+        publisher.join()
+        assert [one.data for one in exchange.take()] == [b"one"]
 
 
 def test_of_partners_and_of_streams_connections_bring_nothing() -> None:
@@ -147,7 +166,8 @@ def test_of_partners_and_of_streams_connections_bring_nothing() -> None:
 
 def test_samples_are_the_newest_of_each_part_and_come_before_what_was_published() -> None:
     exchange = Exchange("/gazebo")
-    exchange.note("/said", b"word")
+    exchange.set_wanted(["/said"])
+    exchange.publish("/said", b"word")
     for data, part in ((b"old", b""), (b"new", b""), (b"x1", b"x"), (b"y1", b"y"), (b"x2", b"x")):
         exchange.sample("/tf" if part else "/clock", data, part)
     found = [(one.topic, one.data) for one in exchange.take(lambda parts: b"+".join(sorted(parts)))]

@@ -151,6 +151,19 @@ class Service:
             return failure(str(error))
 
 
+class _Watched:
+    """A parameter to which a node is subscribed; calling it passes on a new value."""
+
+    def __init__(self) -> None:
+        self.notifications = 0  #: how often the master has sent a value
+        self.callbacks: list[Callable[[Any], object]] = []
+
+    def __call__(self, value: Any) -> None:
+        self.notifications += 1
+        for changed in tuple(self.callbacks):
+            changed(value)
+
+
 def _ignore(_: object) -> None:
     """Does nothing."""
 
@@ -170,11 +183,11 @@ class Node:
         self._shut_down = shut_down
         self._published: dict[str, Publication] = {}
         self._advertised = Counter[str]()  #: how often each topic is advertised
-        self._subscribed: dict[str, TopicSource] = {}
+        self._subscribed: dict[str, list[TopicSource]] = {}
         self._left: set[str] = set()
         self._withdrawn: set[str] = set()
         self._services: dict[str, Service] = {}
-        self._watched: dict[str, Callable[[Any], object]] = {}
+        self._watched: dict[str, _Watched] = {}
         self._unanswered = self._in_flight = 0
         self._unregister: Callable[[], object] | None = None
         self._is_unheard = self._is_closing = False
@@ -217,16 +230,30 @@ class Node:
             self._register("unregisterPublisher", topic, self.uri)
 
     def subscribe(self, topic: str, kind: Any, taken: Taken) -> TopicSource:
-        """Subscribes to a topic, given its resolved name; returns its connections."""
+        """Subscribes to a topic, given its resolved name; returns the subscription's connections.
+
+        Further subscriptions of a topic have connections of their own, so that each gets the latched messages.
+        """
         fields = {"topic": topic, "type": kind._type, "md5sum": kind._md5sum}
-        source = self._subscribed[topic] = TopicSource(self._context, self.name, fields, taken)
-        self._register("registerSubscriber", topic, kind._type, self.uri, done=source.update)
+        source = TopicSource(self._context, self.name, fields, taken)
+        self._subscribed.setdefault(topic, []).append(source)
+        self._ask_for_state(
+            "registerSubscriber",
+            (topic, kind._type, self.uri),
+            lambda: source.notifications,
+            source.update,
+        )
         return source
 
-    def unsubscribe(self, topic: str) -> None:
+    def unsubscribe(self, source: TopicSource) -> None:
         """Ends a subscription."""
-        self._subscribed.pop(topic).close()
-        self._left.add(topic)
+        source.close()
+        sources = self._subscribed[source.topic]
+        sources.remove(source)
+        if sources:
+            return
+        del self._subscribed[source.topic]
+        self._left.add(source.topic)
         # The master may execute calls in another order than they were made.
         self.when_registered(self._unregister_left)
 
@@ -240,8 +267,11 @@ class Node:
 
         The name must be resolved. The value of an unset parameter is an empty dictionary.
         """
-        self._watched[parameter] = changed
-        self._register("subscribeParam", self.uri, parameter, done=changed)
+        watched = self._watched.setdefault(parameter, _Watched())
+        watched.callbacks.append(changed)
+        self._ask_for_state(
+            "subscribeParam", (self.uri, parameter), lambda: watched.notifications, changed
+        )
 
     def serve(
         self, service: str, kind: Any, answer: Callable[[bytes], bytes], may_wait: bool = False
@@ -266,28 +296,26 @@ class Node:
 
     def register_again(self) -> None:
         """Repeats all registrations at a restarted master. Failures are ignored; the caller may call this again."""
-        calls = [
-            ("registerPublisher", topic, one.type, self.uri)
-            for topic, one in self._published.items()
-        ]
-        calls += [
-            ("registerSubscriber", topic, one.type, self.uri)
-            for topic, one in self._subscribed.items()
-        ]
-        for method, *arguments in calls:
-            done = (
-                self._subscribed[arguments[0]].update if method == "registerSubscriber" else _ignore
-            )
+
+        def call(method: str, *arguments: str, done: Callable[[Any], object] = _ignore) -> None:
             self._context.master.call(method, (self.name, *arguments), done, _ignore)
+
+        for topic, publication in self._published.items():
+            call("registerPublisher", topic, publication.type, self.uri)
+        for topic, sources in self._subscribed.items():
+            for source in sources:
+                call("registerSubscriber", topic, source.type, self.uri, done=source.update)
         for service in self._services:
-            arguments = [service, self._service_uri, self.uri]
-            self._context.master.call("registerService", (self.name, *arguments), _ignore, _ignore)
+            call("registerService", service, self._service_uri, self.uri)
+        for parameter, watched in self._watched.items():
+            call("subscribeParam", self.uri, parameter, done=watched)
 
     def close(self, done: Callable[[], object]) -> None:
         """Unregisters everything from the master, closes all connections, then calls ``done``."""
         self._is_closing = True
-        for source in self._subscribed.values():
-            source.close()
+        for sources in self._subscribed.values():
+            for source in sources:
+                source.close()
         # The master may execute calls in another order than they were made.
         self._unregister = partial(self._unregister_all, done)
         self._unregister_when_answered()
@@ -330,6 +358,27 @@ class Node:
         # Deferred, so that the response is sent first.
         self._context.reactor.call_later(0.0, lambda: self._shut_down(reason or "asked to end"))
         return ""
+
+    def _ask_for_state(
+        self,
+        method: str,
+        arguments: tuple[str, ...],
+        notifications: Callable[[], int],
+        done: Callable[[Any], object],
+    ) -> None:
+        """Registers for notifications of the master, which answers with the present state.
+
+        The answer may be older than a notification that has come before it, so the master is then asked again.
+        """
+        before = notifications()
+
+        def answered(value: Any) -> None:
+            if notifications() == before:
+                done(value)
+            else:
+                self._ask_for_state(method, arguments, notifications, done)
+
+        self._register(method, *arguments, done=answered)
 
     def _register(
         self, method: str, *arguments: str, done: Callable[[Any], object] = lambda _: None

@@ -5,7 +5,7 @@
 
 import os
 import xmlrpc.client
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -44,7 +44,8 @@ class SlaveApi:
     master_uri: str
     address: tuple[str, int]  #: where it serves topics: host and port
     published: Mapping[str, Published]  #: by topic
-    subscribed: Mapping[str, TopicSource] = field(default_factory=dict)  #: by topic
+    #: the subscriptions of each topic
+    subscribed: Mapping[str, Sequence[TopicSource]] = field(default_factory=dict)
     #: by name of a subscribed parameter; called with its new value
     parameters: Mapping[str, Callable[[Any], object]] = field(default_factory=dict)
     #: called with the reason of a shutdown request; returns why the node refuses, "" if it shuts down
@@ -58,8 +59,8 @@ class SlaveApi:
             "getMasterUri": lambda _caller: (1, "", self.master_uri),
             "getName": lambda _caller: (1, "", self.name),
             "getPid": lambda _caller: (1, "", os.getpid()),
-            "getPublications": lambda _caller: (1, "publications", _types(self.published)),
-            "getSubscriptions": lambda _caller: (1, "subscriptions", _types(self.subscribed)),
+            "getPublications": self._publications,
+            "getSubscriptions": self._subscriptions,
             "getUri": lambda _caller: (1, "", self.uri),
             "paramUpdate": self._parameter_update,
             "publisherUpdate": self._publisher_update,
@@ -87,6 +88,17 @@ class SlaveApi:
             answer = (-1, f"wrong arguments for {method}", 0)
         return xmlrpc.client.dumps((answer,), methodresponse=True).encode()
 
+    def _publications(self, _caller: str) -> Answer:
+        return 1, "publications", [[topic, one.type] for topic, one in self.published.items()]
+
+    def _subscriptions(self, _caller: str) -> Answer:
+        types = [[topic, sources[0].type] for topic, sources in self.subscribed.items()]
+        return 1, "subscriptions", types
+
+    def _received(self, topic: str) -> list[tuple[str, int]]:
+        """Returns the URI and the received bytes of each publisher of each subscription."""
+        return [row for source in self.subscribed[topic] for row in source.received]
+
     def _bus_info(self, _caller: str) -> Answer:
         told = f"TCPROS connection on port {self.address[1]}"
         rows = [
@@ -96,8 +108,8 @@ class SlaveApi:
         ]
         rows += [
             [number, uri, "i", "TCPROS", topic, True, f"TCPROS connection to {uri}"]
-            for topic, one in self.subscribed.items()
-            for number, (uri, _) in enumerate(one.received, 1)
+            for topic in self.subscribed
+            for number, (uri, _) in enumerate(self._received(topic), 1)
         ]
         return 1, "bus info", rows
 
@@ -106,9 +118,12 @@ class SlaveApi:
         into = [
             [
                 topic,
-                [[number, count, -1, True] for number, (_, count) in enumerate(one.received, 1)],
+                [
+                    [number, count, -1, True]
+                    for number, (_, count) in enumerate(self._received(topic), 1)
+                ],
             ]
-            for topic, one in self.subscribed.items()
+            for topic in self.subscribed
         ]
         return 1, "", [out, into, []]
 
@@ -119,9 +134,9 @@ class SlaveApi:
         return 1, "", 0
 
     def _publisher_update(self, _caller: str, name: str, publishers: list[str]) -> Answer:
-        topic = self.subscribed.get(name)
-        if topic is not None:
-            topic.update([str(uri) for uri in publishers])
+        uris = [str(uri) for uri in publishers]
+        for source in self.subscribed.get(name, ()):
+            source.notify(uris)
         return 1, "", 0
 
     def _request_topic(self, caller: str, name: str, protocols: list[list[str]]) -> Answer:
@@ -138,7 +153,3 @@ class SlaveApi:
     def _shutdown(self, _caller: str, reason: str = "") -> Answer:
         refusal = self.shut_down(str(reason))
         return (0, refusal, 0) if refusal else (1, "it ends", 0)
-
-
-def _types(topics: Mapping[str, Published] | Mapping[str, TopicSource]) -> list[list[str]]:
-    return [[name, topic.type] for name, topic in topics.items()]

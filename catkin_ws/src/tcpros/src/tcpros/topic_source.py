@@ -80,7 +80,10 @@ class TopicSource:
     def __init__(
         self, context: NodeContext, node: str, fields: dict[str, str], taken: Taken
     ) -> None:
+        self.topic = fields["topic"]  #: its resolved name
         self.type = fields["type"]  #: the message type
+        self.notifications = 0  #: how often the master has changed the list of publishers
+        self._is_closed = False
         self._context = context
         self._node = node
         self._fields = {"callerid": node, "tcp_nodelay": "1", **fields}
@@ -110,8 +113,15 @@ class TopicSource:
             (uri, connection.message_bytes) for uri, connection in found if connection is not None
         ]
 
+    def notify(self, publishers: list[str]) -> None:
+        """Replaces the list of publishers on a notification of the master."""
+        self.notifications += 1
+        self.update(publishers)
+
     def update(self, publishers: list[str]) -> None:
-        """Replaces the list of publishers by these URIs."""
+        """Replaces the list of publishers by these URIs; does nothing once closed."""
+        if self._is_closed:
+            return
         for uri in set(self._publishers) - set(publishers):
             self._publishers.pop(uri).close()
         for uri in publishers:
@@ -123,6 +133,7 @@ class TopicSource:
     def close(self) -> None:
         """Ends all connections."""
         self.update([])
+        self._is_closed = True
 
 
 class _Publisher:

@@ -1,5 +1,6 @@
 """A node registers at the master and unregisters."""
 
+import contextlib
 import logging
 import random
 import threading
@@ -17,7 +18,7 @@ from tcpros.frame import MAX_MESSAGE
 from tcpros.node import Node
 from tcpros.node_context import NodeContext
 from tcpros.reactor import BUFFER_SIZE, Reactor
-from tcpros.topic_source import Sender
+from tcpros.topic_source import Sender, TopicSource
 
 SLOW = 0.5
 """How long the master takes to register [s], unless the node unregisters meanwhile."""
@@ -29,9 +30,10 @@ class SlowMaster(ThreadingMixIn, SimpleXMLRPCServer):
 
     daemon_threads = True
 
-    def __init__(self) -> None:
+    def __init__(self, slow: float = SLOW) -> None:
         super().__init__(("127.0.0.1", 0), logRequests=False)
         self.executed: list[str] = []
+        self._slow = slow
         self._unregisters = threading.Event()
         self.register_instance(self)
 
@@ -39,26 +41,45 @@ class SlowMaster(ThreadingMixIn, SimpleXMLRPCServer):
         if method.startswith("unregister"):
             self._unregisters.set()
         else:
-            self._unregisters.wait(SLOW)
+            self._unregisters.wait(self._slow)
         self.executed.append(method)
         return 1, "", []
 
 
-@pytest.fixture
-def master() -> Iterator[SlowMaster]:
-    with SlowMaster() as made:
-        thread = threading.Thread(target=made.serve_forever)
+@contextlib.contextmanager
+def serving(master: SimpleXMLRPCServer) -> Iterator[NodeContext]:
+    """Runs a master; yields a context for its nodes."""
+    with master:
+        thread = threading.Thread(target=master.serve_forever)
         thread.start()
-        yield made
-        made.shutdown()
+        logger = logging.getLogger("node")
+        uri = f"http://127.0.0.1:{master.server_address[1]}"
+        yield NodeContext(Reactor(logger), uri, "127.0.0.1", "127.0.0.1", logger)
+        master.shutdown()
         thread.join()
 
 
 @pytest.fixture
-def context(master: SlowMaster) -> NodeContext:
-    logger = logging.getLogger("node")
-    uri = f"http://127.0.0.1:{master.server_address[1]}"
-    return NodeContext(Reactor(logger), uri, "127.0.0.1", "127.0.0.1", logger)
+def master() -> SlowMaster:
+    return SlowMaster()
+
+
+@pytest.fixture
+def context(master: SlowMaster) -> Iterator[NodeContext]:
+    with serving(master) as made:
+        yield made
+
+
+@pytest.fixture
+def quick() -> Iterator[NodeContext]:
+    """A context whose master answers at once, and knows no publishers."""
+    with serving(SlowMaster(slow=0.0)) as made:
+        yield made
+
+
+def connect(receiver: Node, source: TopicSource, sender: Node) -> None:
+    """Connects a subscription to a publisher, in place of the master."""
+    receiver.when_registered(lambda: source.update([sender.uri]))
 
 
 def run_for(context: NodeContext) -> None:
@@ -83,8 +104,7 @@ def test_a_subscription_that_ends_while_it_registers_does_not_stay(
     master: SlowMaster, context: NodeContext
 ) -> None:
     node = Node(context, "/one", lambda _: None)
-    node.subscribe("/words", String, lambda *_: None)
-    node.unsubscribe("/words")
+    node.unsubscribe(node.subscribe("/words", String, lambda *_: None))
     node.when_registered(lambda: node.close(context.reactor.stop))
     run_for(context)
     assert master.executed == ["registerSubscriber", "unregisterSubscriber"]
@@ -94,8 +114,7 @@ def test_a_node_that_ends_with_a_subscription_that_just_ended_leaves_none(
     master: SlowMaster, context: NodeContext
 ) -> None:
     node = Node(context, "/one", lambda _: None)
-    node.subscribe("/words", String, lambda *_: None)
-    node.unsubscribe("/words")
+    node.unsubscribe(node.subscribe("/words", String, lambda *_: None))
     node.close(context.reactor.stop)
     run_for(context)
     assert master.executed == ["registerSubscriber", "unregisterSubscriber"]
@@ -107,7 +126,7 @@ def test_a_withdrawn_topic_is_unregistered_and_its_subscribers_are_disconnected(
     sender = Node(context, "/sender", lambda _: None)
     receiver = Node(context, "/receiver", lambda _: None)
     publication = sender.publish("/words", String)
-    receiver.subscribe("/words", String, lambda *_: None).update([sender.uri])
+    connect(receiver, receiver.subscribe("/words", String, lambda *_: None), sender)
 
     def withdraw_once_connected() -> None:
         if not publication.subscribers:
@@ -140,24 +159,24 @@ def test_a_topic_advertised_twice_stays_until_it_is_withdrawn_twice(
 
 
 @pytest.mark.parametrize("size", [10, BUFFER_SIZE // 4, BUFFER_SIZE, 5_000_000])
-def test_messages_of_any_size_arrive_whole_and_in_order(context: NodeContext, size: int) -> None:
+def test_messages_of_any_size_arrive_whole_and_in_order(quick: NodeContext, size: int) -> None:
     source = random.Random(size)
     sent = [source.randbytes(length) for length in (3, size, 5, size, size + 1, 0)]
     received = []
-    sender = Node(context, "/sender", lambda _: None)
-    receiver = Node(context, "/receiver", lambda _: None)
+    sender = Node(quick, "/sender", lambda _: None)
+    receiver = Node(quick, "/receiver", lambda _: None)
     publication = sender.publish("/words", String)
 
     def take(message: memoryview, _sender: Sender) -> None:
         received.append(bytes(message))
         if len(received) == len(sent):
-            receiver.close(lambda: sender.close(context.reactor.stop))
+            receiver.close(lambda: sender.close(quick.reactor.stop))
 
-    receiver.subscribe("/words", String, take).update([sender.uri])
+    connect(receiver, receiver.subscribe("/words", String, take), sender)
 
     def send_once_connected() -> None:
         if not publication.subscribers:
-            context.reactor.call_later(0.01, send_once_connected)
+            quick.reactor.call_later(0.01, send_once_connected)
             return
         for connection in publication.subscribers:
             connection.backlog.bound(len(sent), sum(map(len, sent)) + 1000, drops_first=True)
@@ -165,28 +184,170 @@ def test_messages_of_any_size_arrive_whole_and_in_order(context: NodeContext, si
             publication.send(len(message).to_bytes(4, "little") + message)
 
     send_once_connected()
-    run_for(context)
+    run_for(quick)
     assert received == sent
 
 
 @pytest.mark.parametrize("size", [10, BUFFER_SIZE // 2, 300_000, 5_000_000])
 def test_a_latched_message_of_any_size_arrives_with_the_first_connection(
-    context: NodeContext, size: int
+    quick: NodeContext, size: int
 ) -> None:
     message = random.Random(size).randbytes(size)
     received = []
-    sender = Node(context, "/sender", lambda _: None)
-    receiver = Node(context, "/receiver", lambda _: None)
+    sender = Node(quick, "/sender", lambda _: None)
+    receiver = Node(quick, "/receiver", lambda _: None)
     publication = sender.publish("/words", String, latching=True)
     publication.send(len(message).to_bytes(4, "little") + message)
 
     def take(data: memoryview, _sender: Sender) -> None:
         received.append((bytes(data), len(publication.subscribers)))
+        receiver.close(lambda: sender.close(quick.reactor.stop))
+
+    connect(receiver, receiver.subscribe("/words", String, take), sender)
+    run_for(quick)
+    assert received == [(message, 1)]
+
+
+class LateMaster(ThreadingMixIn, SimpleXMLRPCServer):
+    """Notifies each new subscriber before it answers, and then answers with the state from before."""
+
+    daemon_threads = True
+
+    def __init__(self) -> None:
+        super().__init__(("127.0.0.1", 0), logRequests=False)
+        self.calls: list[str] = []
+        self.new: object = None
+        self.register_instance(self)
+
+    def _dispatch(self, method: str, arguments: tuple[str, ...]) -> tuple[int, str, object]:
+        self.calls.append(method)
+        if method not in ("registerSubscriber", "subscribeParam"):
+            return 1, "", 0
+        if self.calls.count(method) > 1:
+            return 1, "", self.new
+        if method == "registerSubscriber":
+            topic, _type, uri = arguments[1:]
+            with xmlrpc.client.ServerProxy(uri) as slave:
+                slave.publisherUpdate("/master", topic, self.new)
+            return 1, "", []
+        uri, parameter = arguments[1:]
+        with xmlrpc.client.ServerProxy(uri) as slave:
+            slave.paramUpdate("/master", parameter, self.new)
+        return 1, "", {}
+
+
+@pytest.fixture
+def late() -> Iterator[tuple[LateMaster, NodeContext]]:
+    master = LateMaster()
+    with serving(master) as context:
+        yield master, context
+
+
+def test_an_answer_older_than_a_notification_does_not_replace_the_publishers(
+    late: tuple[LateMaster, NodeContext],
+) -> None:
+    master, context = late
+    sender = Node(context, "/sender", lambda _: None)
+    receiver = Node(context, "/receiver", lambda _: None)
+    master.new = [sender.uri]
+    source = receiver.subscribe("/words", String, lambda *_: None)
+    found = []
+
+    def end() -> None:
+        found.extend(source._publishers)
         receiver.close(lambda: sender.close(context.reactor.stop))
 
-    receiver.subscribe("/words", String, take).update([sender.uri])
+    receiver.when_registered(end)
     run_for(context)
-    assert received == [(message, 1)]
+    assert found == [sender.uri]
+    assert master.calls.count("registerSubscriber") == 2
+
+
+def test_an_answer_older_than_a_notification_does_not_replace_a_parameter(
+    late: tuple[LateMaster, NodeContext],
+) -> None:
+    master, context = late
+    node = Node(context, "/one", lambda _: None)
+    master.new = 7
+    values = []
+    node.watch("/speed", values.append)
+    node.when_registered(lambda: node.close(context.reactor.stop))
+    run_for(context)
+    assert values == [7, 7]
+
+
+def test_all_watchers_of_a_parameter_get_its_values_also_from_a_restarted_master(
+    late: tuple[LateMaster, NodeContext],
+) -> None:
+    master, context = late
+    node = Node(context, "/one", lambda _: None)
+    master.new = 7
+    first, second = [], []
+    node.watch("/speed", first.append)
+    node.watch("/speed", second.append)
+
+    def restarted() -> None:
+        master.new = 8
+        node.register_again()
+        wait_for_both()
+
+    def wait_for_both() -> None:
+        if first[-1] == second[-1] == 8:
+            node.close(context.reactor.stop)
+        else:
+            context.reactor.call_later(0.01, wait_for_both)
+
+    node.when_registered(restarted)
+    run_for(context)
+    assert first[-1] == second[-1] == 8
+
+
+def test_a_subscription_that_has_ended_opens_no_connection(
+    late: tuple[LateMaster, NodeContext],
+) -> None:
+    """Its registration may be answered, with publishers, after its end."""
+    master, context = late
+    sender = Node(context, "/sender", lambda _: None)
+    receiver = Node(context, "/receiver", lambda _: None)
+    master.new = [sender.uri]
+    source = receiver.subscribe("/words", String, lambda *_: None)
+    receiver.unsubscribe(source)
+    receiver.when_registered(lambda: receiver.close(lambda: sender.close(context.reactor.stop)))
+    run_for(context)
+    assert not source._publishers
+
+
+def test_two_subscriptions_of_a_topic_get_all_messages_and_end_by_themselves(
+    quick: NodeContext,
+) -> None:
+    sender = Node(quick, "/sender", lambda _: None)
+    receiver = Node(quick, "/receiver", lambda _: None)
+    publication = sender.publish("/words", String, latching=True)
+    publication.send(b"\x01\0\0\0a")
+    first, second = [], []
+    sources = [
+        receiver.subscribe("/words", String, lambda data, _: first.append(bytes(data))),
+        receiver.subscribe("/words", String, lambda data, _: second.append(bytes(data))),
+    ]
+
+    def notify() -> None:
+        with xmlrpc.client.ServerProxy(receiver.uri) as slave:
+            slave.publisherUpdate("/master", "/words", [sender.uri])
+
+    def send_once_both_have_it() -> None:
+        if first == second == [b"a"]:
+            receiver.unsubscribe(sources[1])
+            publication.send(b"\x01\0\0\0b")
+        if first == [b"a", b"b"]:
+            receiver.close(lambda: sender.close(quick.reactor.stop))
+        else:
+            quick.reactor.call_later(0.01, send_once_both_have_it)
+
+    # Once the registrations of the test's master, which knows no publishers, are answered.
+    receiver.when_registered(threading.Thread(target=notify).start)
+    send_once_both_have_it()
+    run_for(quick)
+    assert (first, second) == ([b"a", b"b"], [b"a"])
 
 
 def client_thread(context: NodeContext, work: Callable[[], None]) -> None:
@@ -209,7 +370,7 @@ def client_thread(context: NodeContext, work: Callable[[], None]) -> None:
 
 @pytest.mark.parametrize("may_wait", [False, True])
 def test_requests_and_responses_of_any_size_are_served_in_order(
-    context: NodeContext, may_wait: bool
+    quick: NodeContext, may_wait: bool
 ) -> None:
     source = random.Random(7)
     sizes = [0, 3, 65_536, 65_537, 131_072, 262_140, 262_144, 300_000, 4_000_000, 5]
@@ -218,7 +379,7 @@ def test_requests_and_responses_of_any_size_are_served_in_order(
     def answer(request: bytes) -> bytes:
         return len(request).to_bytes(4, "little") + request[::-1]
 
-    node = Node(context, "/server", lambda _: None)
+    node = Node(quick, "/server", lambda _: None)
     node.serve("/reverse", Empty, answer, may_wait)
     address = ("127.0.0.1", int(node.uri.rsplit(":", 1)[1].rstrip("/")))
 
@@ -236,12 +397,12 @@ def test_requests_and_responses_of_any_size_are_served_in_order(
             writer.join()
         assert responses == [one[::-1] for one in requests]
 
-    client_thread(context, work)
+    client_thread(quick, work)
 
 
-def test_an_api_call_longer_than_the_loops_buffer_is_answered(context: NodeContext) -> None:
+def test_an_api_call_longer_than_the_loops_buffer_is_answered(quick: NodeContext) -> None:
     """Masters list all publishers of a topic in one call, and send whole parameter trees."""
-    node = Node(context, "/one", lambda _: None)
+    node = Node(quick, "/one", lambda _: None)
     values = []
     node.watch("/tree", values.append)
     tree = {f"key{number}": "x" * 1000 for number in range(500)}
@@ -251,12 +412,12 @@ def test_an_api_call_longer_than_the_loops_buffer_is_answered(context: NodeConte
             for _ in range(2):
                 slave.paramUpdate("/master", "/tree", tree)
 
-    client_thread(context, work)
+    client_thread(quick, work)
     assert values[-2:] == [tree, tree]
 
 
-def test_a_request_longer_than_allowed_closes_the_connection(context: NodeContext) -> None:
-    node = Node(context, "/server", lambda _: None)
+def test_a_request_longer_than_allowed_closes_the_connection(quick: NodeContext) -> None:
+    node = Node(quick, "/server", lambda _: None)
     node.serve("/reverse", Empty, lambda _: b"\0\0\0\0")
     address = ("127.0.0.1", int(node.uri.rsplit(":", 1)[1].rstrip("/")))
 
@@ -267,16 +428,16 @@ def test_a_request_longer_than_allowed_closes_the_connection(context: NodeContex
             with pytest.raises(ConnectionError):
                 connection._read(1)
 
-    client_thread(context, work)
+    client_thread(quick, work)
 
 
 def test_a_message_longer_than_allowed_ends_the_connection_and_pauses_grow(
-    context: NodeContext, caplog: pytest.LogCaptureFixture
+    quick: NodeContext, caplog: pytest.LogCaptureFixture
 ) -> None:
-    sender = Node(context, "/sender", lambda _: None)
-    receiver = Node(context, "/receiver", lambda _: None)
+    sender = Node(quick, "/sender", lambda _: None)
+    receiver = Node(quick, "/receiver", lambda _: None)
     publication = sender.publish("/words", String)
-    receiver.subscribe("/words", String, lambda *_: None).update([sender.uri])
+    connect(receiver, receiver.subscribe("/words", String, lambda *_: None), sender)
     refused = []
 
     def send() -> None:
@@ -288,12 +449,12 @@ def test_a_message_longer_than_allowed_ends_the_connection_and_pauses_grow(
     def repeat() -> None:
         send()
         if len(refused) < 3:
-            context.reactor.call_later(0.005, repeat)
+            quick.reactor.call_later(0.005, repeat)
         else:
-            receiver.close(lambda: sender.close(context.reactor.stop))
+            receiver.close(lambda: sender.close(quick.reactor.stop))
 
     repeat()
-    run_for(context)
+    run_for(quick)
     lines = [record.getMessage() for record in caplog.records if "gets no" in record.getMessage()]
     assert len(lines) == 1
     assert f"a message of {MAX_MESSAGE + 1} bytes, above {MAX_MESSAGE}" in lines[0]

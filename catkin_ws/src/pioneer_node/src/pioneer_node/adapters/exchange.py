@@ -54,10 +54,31 @@ class Exchange:
 
     def set_wanted(self, topics: Iterable[str]) -> None:
         """Sets the topics that any node in lockstep subscribes to; sends latched messages on newly added ones."""
-        before, self.wanted = self.wanted, frozenset(topics)
-        for (topic, _), data in tuple(self._latched.items()):
-            if topic in self.wanted and topic not in before:
-                self.note(topic, data)
+        with self._lock:
+            before, self.wanted = self.wanted, frozenset(topics)
+            for (topic, _), data in self._latched.items():
+                if topic in self.wanted and topic not in before:
+                    self._sent.append(LockstepMessage(self.name, topic, data))
+
+    def publish(self, topic: str, data: bytes, latched_by: Hashable = None) -> None:
+        """Adds a serialised message to the next token if any node in lockstep subscribes to the topic.
+
+        Args:
+            topic: its name.
+            data: the message.
+            latched_by: the publisher if it latches; the message is then kept for subscribers that join later.
+        """
+        # Under one lock with `set_wanted`: a message of the moment in which a topic is taken up is sent exactly once.
+        with self._lock:
+            if latched_by is not None:
+                self._latched[topic, latched_by] = data
+            if topic in self.wanted:
+                self._sent.append(LockstepMessage(self.name, topic, data))
+
+    def forget(self, topic: str, publisher: Hashable) -> None:
+        """Deletes the last message of a latching publisher that has ended."""
+        with self._lock:
+            self._latched.pop((topic, publisher), None)
 
     def listen(self, topic: str, take: Take) -> None:
         """Calls ``take`` for each token message of a topic."""
@@ -69,21 +90,10 @@ class Exchange:
         if not self._listeners[topic]:
             del self._listeners[topic]
 
-    def note(self, topic: str, data: bytes) -> None:
-        """Adds a serialised message to the next token."""
-        with self._lock:
-            self._sent.append(LockstepMessage(self.name, topic, data))
-
-    def keep(self, topic: str, publisher: Hashable, data: bytes | None) -> None:
-        """Stores a latching publisher's last message for subscribers that join later; None deletes it."""
-        if data is None:
-            self._latched.pop((topic, publisher), None)
-        else:
-            self._latched[topic, publisher] = data
-
     def sample(self, topic: str, data: bytes, part: bytes = b"") -> None:
         """Stores a topic's newest message, or that of one ``part`` of it, for the next token; see `take`."""
-        self._parts.setdefault(topic, {})[part] = data
+        with self._lock:
+            self._parts.setdefault(topic, {})[part] = data
 
     def take(self, join: Callable[[Collection[bytes]], bytes] = b"".join) -> list[LockstepMessage]:
         """Returns the messages since the last call: samples sorted by topic, then the others in publishing order.
@@ -93,7 +103,7 @@ class Exchange:
         """
         with self._lock:
             sent, self._sent = self._sent, []
-        parts, self._parts = self._parts, {}
+            parts, self._parts = self._parts, {}
         sampled = [
             LockstepMessage(self.name, topic, found[b""] if b"" in found else join(found.values()))
             for topic, found in sorted(parts.items())

@@ -47,10 +47,8 @@ class HandleMember:
 
     def note(self, publisher: Publisher, data: bytes) -> None:
         """Records a message that the node publishes, for the next token."""
-        if publisher.latched:
-            self._exchange.keep(publisher.topic, id(publisher), data)
-        if self._exchange.wants(publisher.topic):
-            self._exchange.note(publisher.topic, data)
+        latched_by = id(publisher) if publisher.latched else None
+        self._exchange.publish(publisher.topic, data, latched_by)
 
     def listen(self, topic: str, kind: Any, take: Received) -> bool:
         """Calls ``take`` for each message in tokens; returns whether connections carry the topic as well."""

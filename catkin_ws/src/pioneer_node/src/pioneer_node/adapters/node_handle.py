@@ -201,7 +201,7 @@ class NodeHandle:
         self._node = Node(context, name, shut_down)
         self._rosout = self._node.publish("/rosout", Log, latching=True)
         if self._simulated:
-            self._node.subscribe("/clock", Clock, self._on_clock)
+            self._clock = self._node.subscribe("/clock", Clock, self._on_clock)
         self._node.serve(f"{name}/get_loggers", GetLoggers, partial(_loggers, logger))
         self._node.serve(f"{name}/set_logger_level", SetLoggerLevel, _set_level)
 
@@ -221,7 +221,7 @@ class NodeHandle:
         """Puts the node into lockstep, which sets its time from now on. Call it before creating topics and tickers."""
         self.lockstep, self._now = lockstep, 0.0
         if self._simulated:
-            self._node.unsubscribe("/clock")
+            self._node.unsubscribe(self._clock)
 
     # Names and parameters
 
@@ -380,7 +380,7 @@ class Subscriber:
     def close(self) -> None:
         """Ends the subscription."""
         if self._source is not None:
-            self._node.unsubscribe(self.topic)
+            self._node.unsubscribe(self._source)
             self._source = None
 
     def _hear(self, data: memoryview, sender: Sender) -> None:

@@ -74,13 +74,9 @@ class _Publisher(rospy.topics.Publisher):  # type: ignore[misc]
     def publish(self, *args: Any, **fields: Any) -> None:
         """Publishes a message, given as an object or by its fields."""
         message, exchange = args_kwds_to_message(self.data_class, args, fields), _exchange()
-        wanted = exchange.wants(self.resolved_name)
-        if wanted or self._latch:
-            data = _serialised(message)
-            if self._latch:
-                exchange.keep(self.resolved_name, id(self), data)
-            if wanted:
-                exchange.note(self.resolved_name, data)
+        if self._latch or exchange.wants(self.resolved_name):
+            latched_by = id(self) if self._latch else None
+            exchange.publish(self.resolved_name, _serialised(message), latched_by)
         super().publish(message)
 
     def get_num_connections(self) -> int:
@@ -89,7 +85,7 @@ class _Publisher(rospy.topics.Publisher):  # type: ignore[misc]
 
     def unregister(self) -> None:
         """Unregisters the topic."""
-        _exchange().keep(self.resolved_name, id(self), None)
+        _exchange().forget(self.resolved_name, id(self))
         super().unregister()
 
 

@@ -12,7 +12,7 @@ from rocon_relay.export_end import ExportEnd
 from rocon_relay.link import Hello, LinkError
 from rocon_relay.proxy_node import ProxyNodes
 from rocon_relay.standing_import import DialledImport
-from tcpros.http import NONSENSE
+from tcpros.http import NONSENSE, xmlrpc_values
 
 MAX_PARAMETER = 2**20
 """Maximum size of a parameter's value as XML-RPC text [bytes]."""
@@ -141,7 +141,7 @@ class ParameterImportEnd(DialledImport):
     def received(self, text: bytes) -> None:
         """Writes the received value to our master. Raises LinkError if it is not XML-RPC text."""
         try:
-            (value,), _ = xmlrpc.client.loads(text)  # type: ignore[arg-type]
+            (value,), _ = xmlrpc_values(text)
         except NONSENSE:
             raise LinkError("the parameter's value is no XML-RPC text") from None
         self._is_copied = True

@@ -162,16 +162,18 @@ class TcpRelay:
         if self._stopping:
             return
         self._exports = exports
-        for name, link in tuple(self._links.items()):
-            if link.export != exports.get(name):
-                link.close("")
-        for name in self._others.keys() - exports.keys():
-            self._others.pop(name).close()
+        # Before any link is closed: a closed link admits parked ones, for which the new ends must exist.
+        removed = [self._others.pop(name) for name in self._others.keys() - exports.keys()]
         for name, export in exports.items():
             if name not in self._others and export.subject in _EXPORT_ENDS:
                 self._others[name] = _EXPORT_ENDS[export.subject](self._context, export)
-        for end, hello in tuple(self._parked.items()):
-            self._admit_if_exported(end, hello)
+        for name, link in tuple(self._links.items()):
+            if link.export != exports.get(name):
+                link.close("")
+        for end in removed:
+            end.close()
+        for waiting, hello in tuple(self._parked.items()):
+            self._admit_if_exported(waiting, hello)
         for name in self._imports.keys() - imports.keys():
             self._retire(name)
         for name, import_ in imports.items():

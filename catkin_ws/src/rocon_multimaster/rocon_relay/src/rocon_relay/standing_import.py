@@ -192,6 +192,7 @@ class Registration:
         self._phase = _Phase.ABSENT
         self._shall_show = False
         self._must_hide = False
+        self._must_repeat = False
         self._pause = context.pause()
         self._retry: Timer | None = None
 
@@ -213,10 +214,12 @@ class Registration:
         self._step()
 
     def refresh(self) -> None:
-        """Registers it again if it is registered, for a restarted master."""
+        """Registers it again if it is or is being registered: the master then notifies all subscribers."""
         if self._phase is _Phase.PRESENT:
             self._phase = _Phase.ABSENT
             self._step()
+        elif self._phase is _Phase.REGISTERING:
+            self._must_repeat = True
 
     def _close_hidden(self) -> None:
         if not self.is_serving:
@@ -254,6 +257,7 @@ class Registration:
             return
         self._owner.offered_by(self._node)[self._owner.wanted.topic] = self._owner
         self._phase = _Phase.REGISTERING
+        self._must_repeat = False
         self.is_serving = True
         self._call(*self._owner.registering(self._node), self._registered)
 
@@ -267,6 +271,8 @@ class Registration:
             self._pause.reset()
             if not self._must_hide:
                 self._owner.shown()
+                if self._must_repeat:
+                    self._phase = _Phase.ABSENT
         elif self._shall_show:
             self._owner.not_shown(reason)
             self._retry = self._context.reactor.call_later(self._pause.take(), self._again)

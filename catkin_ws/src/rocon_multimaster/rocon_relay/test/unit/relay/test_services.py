@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 
 import pytest
 from gateway_msgs.srv import ConnectHub, ConnectHubRequest, ConnectHubResponse
-from relay_side import NODES, node_at, wait_for
+from relay_side import NODES, Outsider, node_at, wait_for
 
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
@@ -294,3 +294,25 @@ def test_a_dead_server_is_an_error_and_a_state_until_it_is_back(relays, source_m
         with Client(sink, "/mortal_echo") as client:
             assert client.call("back") == "back"
         wait_until(lambda: sink.state() == [LinkState.ACTIVE], "active again", 3)
+
+
+def test_a_service_that_moves_while_its_new_link_waits_leaves_nothing_undone(relays, talkers):
+    """Closing the old node's link admitted the waiting one too early, and the rest of the change was not made."""
+    source = relays("source", patience=20.0)
+    moving = {"topic": "/moving", "subject": Subject.SERVICE}
+
+    def exported(node):
+        return Export("/moving", ANY, node, "sink", subject=Subject.SERVICE)
+
+    source.relay.apply({exported("/one")}, set())
+    first = Outsider(source, source_node="/one", **moving)
+    assert "error" not in first.answer()
+    second = Outsider(source, source_node="/two", **moving)
+    wait_until(lambda: source.relay._parked, "the link for the other node waits", 5)
+    source.relay.apply({exported("/two")}, {imported(source)})
+    assert "error" not in second.answer()
+    assert first.answer() is None
+    status = source.relay.status()
+    assert len(status.imports) == 1, "imports follow exports"
+    for outsider in (first, second):
+        outsider.socket.close()
