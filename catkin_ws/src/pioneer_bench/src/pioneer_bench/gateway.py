@@ -13,7 +13,7 @@ from pioneer_bench.adapters.rule_trial import call_rows, cut_rows, fault_rows, p
 from pioneer_bench.core.row import Row
 from pioneer_bench.report import finish
 from pioneer_harness.error import HarnessError
-from pioneer_launch.patch import tell_registrations, wake_master_workers
+from pioneer_launch.door import patch_master
 from tcpros.client import ClientError
 
 
@@ -40,8 +40,7 @@ def run(options: argparse.Namespace) -> int:
         stack.enter_context(
             contextlib.redirect_stderr(stack.enter_context(open(Path(folder) / "masters.log", "w")))
         )
-        wake_master_workers()  # as in masters that our launcher starts
-        tell_registrations()
+        patch_master()  # as in masters that our launcher starts
         fleet = Fleet(Path(folder))
         trials: dict[str, Callable[[], list[Row]]] = {
             "rules": lambda: call_rows(fleet, 2 * repetitions),

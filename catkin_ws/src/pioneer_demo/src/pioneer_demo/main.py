@@ -24,6 +24,7 @@ from pioneer_demo.scenario.scenario_file import read_scenario
 from pioneer_demo.scenario.world_folder import place_count, places_by_world
 from pioneer_harness.error import HarnessError
 from pioneer_harness.proc import processors
+from pioneer_launch import door
 from pioneer_node.adapters.fleet_file import read_fleet
 from pioneer_node.core.fleet_file import NO_NAVIGATION, FleetFileError, RobotEntry
 
@@ -110,7 +111,13 @@ def _configured(command: str, arguments: Sequence[str]) -> FleetConfig:
         poses = Path(packages.get_path("pioneer_description")) / "config"
         places = places_by_world(simulator / "map", poses)
         machine = Machine(
-            places, place_count(poses), processors(), _names_of, read_scenario, _external_of
+            places,
+            place_count(poses),
+            processors(),
+            _names_of,
+            read_scenario,
+            _external_of,
+            lockstep_refusal="" if door.is_on() else door.LOCKSTEP_REFUSED,
         )
     except (rospkg.ResourceNotFound, OSError) as error:
         raise DemoError(f"the workspace is not built or not sourced: {error}") from error

@@ -177,3 +177,10 @@ def test_a_fleet_may_have_robots_that_another_navigation_drives_and_a_demo_may_n
     assert fleet_config(["--fleet", "f.yaml"], machine).external == ("rover",)
     with pytest.raises(OptionError, match="rover has 'navigation: none'"):
         demo_config(["--fleet", "f.yaml"], machine)
+
+
+def test_lockstep_is_refused_where_its_patches_are_switched_off():
+    machine = Machine(PLACES, ELSEWHERE, 2, lockstep_refusal="lockstep needs what is switched off")
+    with pytest.raises(OptionError, match="--lockstep: lockstep needs what is switched off"):
+        demo_config(["--lockstep"], machine)
+    assert not demo_config([], machine).lockstep

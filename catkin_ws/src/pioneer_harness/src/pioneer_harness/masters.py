@@ -11,26 +11,16 @@ from typing import Any
 
 import rosgraph
 import rosmaster.master
-import rosmaster.util
 
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
+from pioneer_launch.door import close_master_connections
 
 _LOOPBACK = "127.0.0.1"
 
 
-class _ClosingProxy(rosmaster.util.ServerProxy):  # type: ignore[misc]
-    """A proxy that closes its connection when it is deleted.
-
-    rosmaster's worker threads each keep a connection and end some time after their master: the open sockets would be
-    reported in whichever test runs then.
-    """
-
-    def __del__(self) -> None:
-        self("close")()
-
-
-rosmaster.util.ServerProxy = _ClosingProxy
+# The open sockets of masters that have ended would be reported in whichever test runs then.
+close_master_connections()
 
 
 class MasterClient:

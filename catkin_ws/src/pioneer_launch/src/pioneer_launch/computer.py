@@ -15,10 +15,10 @@ import sys
 from collections.abc import Callable, Sequence
 
 from pioneer_launch import launcher
-from pioneer_launch.fork_client import SWITCH
 from pioneer_launch.fork_server import ForkServer
 from pioneer_launch.forked_program import Program
 from pioneer_launch.process_end import await_end
+from pioneer_launch.switch import is_on
 from pioneer_node.adapters.end_request import EndRequest
 
 _LOOK = 0.1
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             "usage: computer STEP [STEP …], each STEP is a command, quoted as one word\n"
         )
         return 2
-    server = None if os.environ.get(SWITCH) == "0" else launcher.shared_server()
+    server = launcher.shared_server() if is_on() else None
     if isinstance(server, Program):
         server.run()
     return _run(steps, server)

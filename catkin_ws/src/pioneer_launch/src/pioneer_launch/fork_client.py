@@ -17,10 +17,10 @@ import time
 from collections.abc import Sequence
 from types import FrameType
 
+from pioneer_launch.switch import is_on
+
 SOCKET = "PIONEER_FORK_SOCKET"
 """Variable: socket path of `computer`'s fork server; a regular file there means that no server runs."""
-SWITCH = "PIONEER_FORK"
-"""Variable: 0 disables forking; every program is executed, as in the original roslaunch."""
 _START = 10.0
 """Time-out for `computer` to start listening after the container has started [s]."""
 _CREATED = 0x100 | 0x80
@@ -49,7 +49,7 @@ def main() -> int:
 def _has_connected(line: socket.socket) -> bool:
     """Connects to the fork server; returns False if there is none."""
     path = os.environ.get(SOCKET)
-    if not path or os.environ.get(SWITCH) == "0":
+    if not path or not is_on():
         return False
     with contextlib.suppress(OSError):
         try:

@@ -18,7 +18,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from pioneer_launch.fork_client import SOCKET, SWITCH
+from pioneer_launch.fork_client import SOCKET
 from pioneer_launch.fork_server import (
     ForkedProcess,
     ForkServer,
@@ -38,6 +38,7 @@ from pioneer_launch.patch import (
 )
 from pioneer_launch.process_watch import watch_processes
 from pioneer_launch.program import early_differences, interpreter
+from pioneer_launch.switch import is_on
 from pioneer_node.adapters.light_import import import_without_numpy
 
 _SHARED = (
@@ -56,7 +57,7 @@ _popen: list[Callable[..., Started]] = [subprocess.Popen]
 
 def run(module: str, function: str = "main") -> int | None:
     """Runs a launcher's function with its Python nodes as forks; returns its exit status."""
-    if os.environ.get(SWITCH) == "0":
+    if not is_on():
         return getattr(import_without_numpy(module), function)()
     server = shared_server()
     if isinstance(server, Program):
@@ -129,6 +130,27 @@ def fork_nodes(server: ForkServer) -> None:
 def started(command: Sequence[str]) -> Started:
     """Starts a command in its own session without standard input; as a fork if this process is a launcher."""
     return _popen[-1](command, stdin=subprocess.DEVNULL, **as_here())
+
+
+def launcher_starter(
+    server: ForkServer | None,
+) -> Callable[[Sequence[str], Mapping[str, str], int], ForkedProcess | None]:
+    """Returns a function that starts a launcher as a fork; it returns None where that is impossible.
+
+    Args:
+        server: the server that this process was forked from; None if it was not.
+    """
+
+    def start(
+        command: Sequence[str], environment: Mapping[str, str], output: int
+    ) -> ForkedProcess | None:
+        if server is None or server.is_lost or not os.path.isabs(command[0]):
+            return None
+        if early_differences(os.environ, environment):
+            return None
+        return server.start(command, environment, os.getcwd(), output, output, lend=True)
+
+    return start
 
 
 def as_here() -> dict[str, Any]:

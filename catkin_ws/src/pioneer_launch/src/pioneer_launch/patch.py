@@ -280,3 +280,43 @@ def tell_registrations() -> None:
         for name in (f"register{what}", f"unregister{what}"):
             setattr(ROSMasterHandler, name, with_notice(getattr(ROSMasterHandler, name)))
     ROSMasterHandler.awaitRegistrations = await_registrations
+
+
+def close_master_connections() -> None:
+    """Makes the workers of ROS masters in this process close a connection to a node when they drop it.
+
+    They end some time after their master, and would leave the sockets open until Python's garbage collection.
+    """
+    from rosmaster import util
+
+    class ClosingProxy(util.ServerProxy):  # type: ignore[misc]
+        """A proxy that closes its connection when it is deleted."""
+
+        def __del__(self) -> None:
+            self("close")()
+
+    util.ServerProxy = ClosingProxy
+
+
+def replace_topics(publisher: Any, subscriber: Any, timer: Any) -> None:
+    """Replaces rospy's classes for topics and timers in this process: lockstep passes messages on by tokens."""
+    import rospy
+
+    rospy.Publisher, rospy.Subscriber, rospy.Timer = publisher, subscriber, timer
+
+
+def stop_following_clock() -> None:
+    """Ends rospy's subscription to ``/clock`` and sets ROS time to 0; `set_ros_time` sets it from then on."""
+    import rospy
+
+    clock = getattr(rospy.impl.simtime, "_clock_sub", None)
+    if clock is not None:
+        clock.unregister()
+    set_ros_time(rospy.Time())
+
+
+def set_ros_time(now: Any) -> None:
+    """Sets ROS time (rospy.Time) in this process."""
+    import rospy
+
+    rospy.rostime._set_rostime(now)

@@ -154,7 +154,7 @@ def test_versions_of_ros_are_read_without_an_interpreter_for_each(code: str) -> 
 
 def test_launchers_share_no_setuptools() -> None:
     code = (
-        "import sys; from pioneer_node.nodes import launcher; launcher._import_shared()\n"
+        "import sys; from pioneer_launch import launcher; launcher._import_shared()\n"
         "assert 'rosclean' in sys.modules; sys.exit('setuptools' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == (

@@ -36,7 +36,7 @@ from pioneer_fleet.registry import Entry, RegistryError
 from pioneer_harness.error import ProcessDiedError
 from pioneer_harness.masters import is_running
 from pioneer_harness.process import Death, last_lines
-from pioneer_launch.patch import keep_publisher_updates
+from pioneer_launch.door import patch_observer
 
 if TYPE_CHECKING:  # imported at run time by a lockstep demo only
     from pioneer_demo.run.course import Course
@@ -268,7 +268,7 @@ class FleetRun:
             ROS_IP="127.0.0.1",
             ROS_LOG_DIR=str(self._config.log.resolve() / "ros"),
         )
-        keep_publisher_updates()
+        patch_observer()
         rospy.init_node(OBSERVER, disable_signals=True)
         if self._config.rings:
             from pioneer_demo.run.course import Course

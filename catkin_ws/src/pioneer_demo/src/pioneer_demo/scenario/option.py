@@ -172,6 +172,8 @@ class Machine:
     scenario_of: Callable[[Path], Scenario] = lambda _: Scenario()
     #: returns the names of the robots in a fleet file that another navigation drives
     external_of: Callable[[Path], Sequence[str]] = lambda _: ()
+    #: why runs in lockstep are impossible here; empty if they are not
+    lockstep_refusal: str = ""
 
 
 def demo_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
@@ -256,6 +258,8 @@ def _chosen(values: dict[str, Any], machine: Machine) -> dict[str, Any]:
     values["robots"] = count
     check_fleet(count, values["world"], machine.places, machine.places_elsewhere)
     if values["lockstep"]:
+        if machine.lockstep_refusal:
+            raise OptionError(f"--lockstep: {machine.lockstep_refusal}")
         return {**values, "real_time_factor": 0.0}
     if values["real_time_factor"] is None:
         factor = factor_held(values["robots"], machine.processors)

@@ -26,7 +26,7 @@ from pioneer_fleet.monitor.monitor import deviation_from_covariance
 from pioneer_fleet.monitor.report import Report, Stage, states_of
 from pioneer_fleet.monitor.tour import Place, places_from_mapping, tour
 from pioneer_fleet.tolerance import tolerant
-from pioneer_launch import patch
+from pioneer_launch.door import patch_observer
 
 MASTER_LOOK = 0.2
 """Poll interval for a master that is not up yet [s]: it does not announce its start."""
@@ -213,7 +213,7 @@ def main() -> int:
     if not _master_answers(deadline):
         _tell({**report.as_json(time.monotonic()), "lacks": "no ROS master on this computer"})
         return 1
-    patch.stop_serving_at_shutdown()
+    patch_observer()
     rospy.init_node("fleet_report", anonymous=True, disable_rostime=True, log_level=rospy.ERROR)
     node = ReportNode(report, options.to, options.waypoints, options.robots)
     left = max(0.1, deadline - time.monotonic())

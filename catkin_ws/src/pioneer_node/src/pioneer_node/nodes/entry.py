@@ -2,7 +2,6 @@
 
 import contextlib
 import http.client
-import importlib
 import io
 import logging
 import os
@@ -17,6 +16,7 @@ import rospy
 
 from pioneer_node.adapters.end_request import EndRequest
 from pioneer_node.adapters.heap import limit_arenas
+from pioneer_node.adapters.launch_door import launch_door
 from pioneer_node.core.parameter import UNKNOWN, ParameterError
 from pioneer_node.core.ring import MEMBERS
 
@@ -54,7 +54,9 @@ def run(
     ending = threading.Thread(target=_shut_down_when_asked, name="shutdown", daemon=True)
     ending.start()
     _ending.take_signals(signal.SIGINT, signal.SIGTERM)
-    _patch_rospy()
+    door = launch_door()
+    if door is not None:
+        door.patch_node(is_ending, _ending.wait)
     rospy.init_node(name, disable_rostime=wall_time, disable_signals=True)
     _initialised.set()
     status = _spun(name, build if wall_time else _as_member(build), expected)
@@ -62,23 +64,6 @@ def run(
         ending.join()  # the process ends once the node is unregistered
         _leave(status)
     return status
-
-
-def _patch_rospy() -> None:
-    """Applies the patches of pioneer_launch; without that package, rospy stays as it is."""
-    try:
-        # By name: pioneer_launch is built on this package.
-        patch = importlib.import_module("pioneer_launch.patch")
-    except ModuleNotFoundError as error:
-        if error.name != "pioneer_launch":
-            raise
-        return
-    patch.allow_publishing_at_shutdown()
-    patch.log_broken_requests()
-    patch.keep_publisher_updates()
-    patch.write_at_once()
-    patch.stop_serving_at_shutdown()
-    patch.keep_accepting(is_ending, _ending.wait)
 
 
 def _leave(status: int) -> NoReturn:

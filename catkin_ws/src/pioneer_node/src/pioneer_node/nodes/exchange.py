@@ -14,6 +14,8 @@ from rospy.msg import args_kwds_to_message
 
 from pioneer_node.adapters import exchange
 from pioneer_node.adapters.exchange import is_connected
+from pioneer_node.adapters.launch_door import launch_door
+from pioneer_node.core.parameter import ParameterError
 
 
 class Exchange(exchange.Exchange):
@@ -31,13 +33,19 @@ class Exchange(exchange.Exchange):
         self.timers: list[_Timer] = []
 
     def install(self, follows: bool = True) -> Self:
-        """Replaces rospy's classes; if this process ``follows`` the tokens, they set ROS time. Returns itself."""
+        """Replaces rospy's classes; if this process ``follows`` the tokens, they set ROS time. Returns itself.
+
+        Raises:
+            ParameterError: the package that patches rospy is missing or switched off.
+        """
+        door = launch_door()
+        if door is None:
+            raise ParameterError("lockstep needs the package pioneer_launch, which is not built")
+        try:
+            door.replace_topics(_Publisher, _Subscriber, _Timer, owns_time=follows)
+        except door.SwitchedOffError as error:
+            raise ParameterError(str(error)) from None
         Exchange.current = self
-        rospy.Publisher, rospy.Subscriber, rospy.Timer = _Publisher, _Subscriber, _Timer
-        if follows:
-            if (clock := getattr(rospy.impl.simtime, "_clock_sub", None)) is not None:
-                clock.unregister()
-            set_time(rospy.Time())
         return self
 
     def run_timers(self) -> None:
@@ -48,7 +56,9 @@ class Exchange(exchange.Exchange):
 
 def set_time(now: rospy.Time) -> None:
     """Sets ROS time in this process."""
-    rospy.rostime._set_rostime(now)
+    door = launch_door()
+    assert door is not None, "only while installed"
+    door.set_ros_time(now)
 
 
 def _exchange() -> Exchange:

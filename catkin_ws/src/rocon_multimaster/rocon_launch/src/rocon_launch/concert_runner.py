@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import psutil
 
-from pioneer_launch.fork_server import lent_server
+from pioneer_launch.door import launcher_starter
 from pioneer_node.adapters.end_request import EndRequest
 from rocon_launch.concert import Launch
 from rocon_launch.roslaunch import RoslaunchProcess
@@ -35,7 +35,7 @@ class ConcertRunner:
         self._screen = screen
         self._program = program
         self._stop = EndRequest()
-        self._server = lent_server()
+        self._fork = launcher_starter()
         self._lock = threading.Lock()
         self._processes: list[RoslaunchProcess] = []
         self._told: list[RoslaunchProcess] = []
@@ -88,7 +88,7 @@ class ConcertRunner:
         command = [self._program, "--no-summary", *flags, "-p", str(launch.port)]
         command += [*([launch.package] if launch.package else []), launch.name]
         command += [f"{name}:={value}" for name, value in launch.arguments.items()]
-        return RoslaunchProcess(launch, command, _environment(launch), self._show, self._server)
+        return RoslaunchProcess(launch, command, _environment(launch), self._show, self._fork)
 
     def _show(self, title: str, line: str) -> None:
         with self._lock:

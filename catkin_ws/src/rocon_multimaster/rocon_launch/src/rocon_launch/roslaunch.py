@@ -8,8 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 
-from pioneer_launch.fork_server import ForkedProcess, ForkServer
-from pioneer_launch.program import early_differences
+from pioneer_launch.door import Process, StartLauncher
 from rocon_launch.concert import Launch
 
 _REST = 1.0
@@ -26,7 +25,7 @@ class RoslaunchProcess:
         command: the complete command line.
         environment: environment of the process.
         show: called with the title and each line of output, from a thread.
-        server: forks the command if possible; None starts a new interpreter.
+        fork: starts the command as a fork if possible; None starts a new interpreter.
     """
 
     def __init__(
@@ -35,12 +34,12 @@ class RoslaunchProcess:
         command: Sequence[str],
         environment: Mapping[str, str],
         show: Callable[[str, str], None],
-        server: ForkServer | None = None,
+        fork: StartLauncher | None = None,
     ) -> None:
         self.launch = launch
         self._started, self._ended = time.monotonic(), 0.0
         reader, writer = os.pipe2(os.O_CLOEXEC)
-        self._process = _started(command, environment, writer, server)
+        self._process = _started(command, environment, writer, fork)
         os.close(writer)
         self._reader = threading.Thread(target=self._read, args=(reader, show), daemon=True)
         self._reader.start()
@@ -97,12 +96,16 @@ class RoslaunchProcess:
 
 
 def _started(
-    command: Sequence[str], environment: Mapping[str, str], output: int, server: ForkServer | None
-) -> "subprocess.Popen[bytes] | ForkedProcess":
-    forkable = os.path.isabs(command[0]) and not early_differences(os.environ, environment)
-    if server is not None and forkable and not server.is_lost:
+    command: Sequence[str],
+    environment: Mapping[str, str],
+    output: int,
+    fork: StartLauncher | None,
+) -> Process:
+    if fork is not None:
         # The fork server belongs to this computer's main process, which ends with us and stops everything.
-        return server.start(command, environment, os.getcwd(), output, output, lend=True)
+        forked = fork(command, environment, output)
+        if forked is not None:
+            return forked
     return subprocess.Popen(
         # The kernel signals roslaunch when this process is killed, and roslaunch then stops its nodes.
         ["setpriv", "--pdeathsig", "TERM", "--", *command],

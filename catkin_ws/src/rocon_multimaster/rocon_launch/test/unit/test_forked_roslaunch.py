@@ -9,6 +9,7 @@ DRIVER = """
     import os, sys
     from pioneer_launch.fork_server import start_server
     from pioneer_launch.forked_program import Program
+    from pioneer_launch.launcher import launcher_starter
     from rocon_launch.roslaunch import RoslaunchProcess
     from rocon_launch.concert import launches_from_text
 
@@ -18,7 +19,8 @@ DRIVER = """
     (launch,) = launches_from_text('<concert><launch name="any.launch"/></concert>', {}, 11311, lambda text, _: text)
     for word in ("fails", "stays"):
         shown = []
-        process = RoslaunchProcess(launch, [sys.argv[1], word], os.environ, lambda _, line: shown.append(line), server)
+        process = RoslaunchProcess(launch, [sys.argv[1], word], os.environ, lambda _, line: shown.append(line),
+            launcher_starter(server))
         if word == "stays":
             assert not process.wait(0.05)
             while not shown:

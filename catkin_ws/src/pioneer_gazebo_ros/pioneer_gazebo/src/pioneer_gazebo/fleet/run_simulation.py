@@ -31,6 +31,7 @@ from pioneer_gazebo.fleet.session import LaunchFile, Session, SessionError, run_
 from pioneer_gazebo.lockstep.lockstep import LOCKSTEP
 from pioneer_gazebo.world.pose import quaternion_from_rpy
 from pioneer_gazebo.world.resource import map_path, package_directory, world_path
+from pioneer_launch import door
 from pioneer_node.core.count import counted
 from pioneer_node.core.fleet_file import RobotEntry
 
@@ -89,7 +90,7 @@ def options_from(arguments: Sequence[str], environ: Mapping[str, str]) -> Simula
     """Returns the options of a command line; the environment provides defaults.
 
     Raises:
-        ArgumentError: unknown name, invalid value, or two maps.
+        ArgumentError: unknown name, invalid value, two maps, or lockstep without the patches that it needs.
     """
     defaults = {}
     if environ.get(FACTOR) == LOCKSTEP:
@@ -100,6 +101,8 @@ def options_from(arguments: Sequence[str], environ: Mapping[str, str]) -> Simula
     options = options_from_arguments(SimulationOptions, arguments, environ, **defaults)
     if options.map_name and options.map_file:
         raise ArgumentError("map_name and map_file are two maps: give one")
+    if options.lockstep and not door.is_on():
+        raise ArgumentError(door.LOCKSTEP_REFUSED)
     return options
 
 

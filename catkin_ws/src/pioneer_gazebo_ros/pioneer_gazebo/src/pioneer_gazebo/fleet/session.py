@@ -20,7 +20,7 @@ from rospkg import ResourceNotFound, RosPack, get_log_dir
 
 from pioneer_gazebo.error import SimulatorError
 from pioneer_gazebo.fleet.argument import usage
-from pioneer_launch import launcher
+from pioneer_launch import door
 from pioneer_node.adapters.end_request import EndRequest
 
 # A node gets SIGINT, then SIGTERM after the first time limit, then SIGKILL after the second [s].
@@ -180,7 +180,7 @@ class Session(roslaunch.pmon.ProcessListener):
                 f"package {package} has no program {program}: is the workspace sourced?"
             )
         command = [paths[0], *arguments]
-        process = launcher.started(command)
+        process = door.start(command)
         try:
             while (status := process.poll()) is None:
                 self.check()
@@ -254,7 +254,7 @@ def succeeds(request: Callable[..., object], *arguments: str) -> bool:
     return True
 
 
-def _end_group(process: launcher.Started) -> None:
+def _end_group(process: door.Process) -> None:
     """Ends a command and its child processes: SIGINT, then SIGKILL."""
     for number in (signal.SIGINT, signal.SIGKILL):
         if process.poll() is not None:
