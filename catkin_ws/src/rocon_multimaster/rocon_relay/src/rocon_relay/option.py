@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from rocon_relay.error import RelayError
-from rocon_relay.pattern import PatternError, compiled, matches_whole
+from rocon_relay.pattern import PatternError, check_pattern, matches_whole
 
 LEAST_RATE = 1e-3
 """Minimum rate [Hz]. It keeps the waiting times within the range of a timer."""
@@ -84,7 +84,7 @@ def _least(*limits: float) -> float:
 def check_frames(pattern: str) -> None:
     """Raises OptionError if the pattern is not a regular expression."""
     try:
-        compiled(pattern)
+        check_pattern(pattern)
     except PatternError as error:
         raise OptionError(
             f"the tf_frames pattern '{pattern}' is not a regular expression: {error}"

@@ -23,7 +23,7 @@ from rocon_relay.export_end import ExportEnd
 from rocon_relay.import_end import ImportEnd
 from rocon_relay.link import Hello, mismatch
 from rocon_relay.parameter_copy import ParameterExportEnd, ParameterImportEnd
-from rocon_relay.pattern import compiled
+from rocon_relay.pattern import check_pattern
 from rocon_relay.proxy_node import ProxyNodes
 from rocon_relay.service_export import ServiceExportEnd
 from rocon_relay.service_import import ServiceImportEnd
@@ -131,7 +131,7 @@ class TcpRelay:
         _check_unique(((one.topic, one.proxy) for one in topics), "imports")
         _check_unique((one.topic for one in imports if one.subject is Subject.SERVICE), "imports")
         for pattern in {pattern for one in topics for pattern in one.allowed_nodes}:
-            compiled(pattern)
+            check_pattern(pattern)
         self._reactor.call(lambda: self._apply(wanted_exports, wanted_imports))
 
     def refresh(self) -> None:

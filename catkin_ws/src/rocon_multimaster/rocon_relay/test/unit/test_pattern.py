@@ -4,7 +4,8 @@ import time
 
 import pytest
 
-from rocon_relay.pattern import PatternError, compiled, matches_whole
+from rocon_relay import pattern
+from rocon_relay.pattern import PatternError, check_pattern, compiled, matches_whole
 
 
 @pytest.mark.parametrize(
@@ -31,3 +32,24 @@ def test_patterns_match_whole_names_as_rocon_has_it():
     assert not matches_whole("/pioneer[0-9]+", "/pioneer12/odom")
     assert matches_whole(".*scan.*", "/pioneer1/scan_filtered")
     assert not matches_whole(".*", "\udcff")
+
+
+def test_a_plain_name_matches_only_itself_and_is_not_compiled():
+    compiled.cache_clear()
+    assert matches_whole("/pioneer1/odom", "/pioneer1/odom")
+    assert not matches_whole("/pioneer1/odom", "/pioneer1/odom2")
+    check_pattern("/pioneer1/odom")
+    assert compiled.cache_info().currsize == 0
+
+
+def test_long_names_are_matched_but_not_kept():
+    """A client of a ROS master may register names of a megabyte, thousands of them."""
+    pattern._remembered_match.cache_clear()
+    assert matches_whole("/a+", "/" + "a" * 1_000_000)
+    assert not matches_whole("/a+", "/" + "b" * 1_000_000)
+    assert pattern._remembered_match.cache_info().currsize == 0
+
+
+def test_a_long_plain_pattern_is_refused():
+    with pytest.raises(PatternError):
+        check_pattern("x" * 2000)

@@ -11,7 +11,8 @@ from collections.abc import Collection, Iterable
 from rocon_gateway.error import RequestError
 from rocon_hub_protocol.code import Code
 from rocon_hub_protocol.rule import Connection, Kind, Rule
-from rocon_relay.pattern import PatternError, compiled, matches_whole
+from rocon_relay import pattern as patterns
+from rocon_relay.pattern import PatternError, matches_whole
 
 ALL = ".*"
 """The name in a rule that the `*_all` services install."""
@@ -42,7 +43,7 @@ def rule_from_text(kind: str, name: str, node: str, code: Code) -> Rule:
 def check_pattern(what: str, pattern: str, code: Code) -> None:
     """Raises RequestError with `code` if `pattern` is not a regular expression."""
     try:
-        compiled(pattern)
+        patterns.check_pattern(pattern)
     except PatternError as error:
         raise RequestError(
             code, f"the {what} '{pattern}' is not a regular expression: {error}"

@@ -33,7 +33,7 @@ class Spelling:
             ratio = self._ratio(one)
             if ratio >= LIKE:
                 self._alike[one] = ratio
-        self._known = known
+        self._known = _shared(known)
         return [
             one
             for _, one in heapq.nlargest(
@@ -60,3 +60,9 @@ class Spelling:
 def spelling_of(name: str, where: str) -> Spelling:
     """Returns the cached `Spelling` for an unknown name at a place; for one thread."""
     return Spelling(name)
+
+
+@functools.lru_cache(maxsize=8)
+def _shared(names: frozenset[str]) -> frozenset[str]:
+    """Returns an equal set that others keep already, if there is one: each may hold a thousand names."""
+    return names

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from rocon_gateway.rules.matching import absolute_name, base_name, is_literal, name_matches
 from rocon_gateway.rules.situation import State, Verdict
 from rocon_gateway.rules.spelling import spelling_of
-from rocon_hub_protocol.rule import Connection, Kind, RemoteRule, Rule
+from rocon_hub_protocol.rule import LONGEST_NAME, Connection, Kind, RemoteRule, Rule
 from rocon_relay.connection import Import, LinkState, LinkStatus
 
 _ORDER = (
@@ -187,7 +187,8 @@ def mismatch(topic: str, types: Mapping[str, str]) -> Verdict:
 
 
 def _nearest(name: str, known: Collection[str], where: str, what: str) -> str:
-    near = spelling_of(name, where).nearest(frozenset(known))
+    is_name = len(name) <= LONGEST_NAME
+    near = spelling_of(name, where).nearest(frozenset(known)) if is_name else []
     if near:
         return f"nearest {where}: {', '.join(near)}"
     return f"no {what} {where} has a similar name" if known else f"there is no {what} {where}"
