@@ -11,6 +11,7 @@ import pytest
 from rosgraph.network import encode_ros_handshake_header
 
 from pioneer_harness.masters import Master
+from pioneer_harness.port import PortReservation
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
 
@@ -98,6 +99,23 @@ class Node:
 
 raise SystemExit(entry.run("node", Node))
 """
+
+
+def test_a_node_with_private_parameters_waits_for_its_master(tmp_path) -> None:
+    """rospy sets those parameters once, at once: a fleet page that was started too early ended with a traceback."""
+    code = (
+        "import rospy\nfrom pioneer_node.nodes import entry\n"
+        "class Node:\n    def spin(self): print('port', rospy.get_param('~port'), flush=True)\n"
+        "raise SystemExit(entry.run('node', Node))"
+    )
+    log = tmp_path / "node.log"
+    with PortReservation() as ports, ProcessGroup() as group:
+        port = ports.take(21311)
+        environment = {**os.environ, "ROS_MASTER_URI": f"http://127.0.0.1:{port}"}
+        group.start("node", [sys.executable, "-c", code, "_port:=7"], environment, log, True)
+        wait_until(lambda: "waiting for the ROS master" in log.read_text(), "its line", START)
+        with Master(port):
+            wait_until(lambda: "port 7" in log.read_text(), "its parameter", START)
 
 
 def test_a_signal_while_the_main_thread_joins_another_ends_the_node() -> None:

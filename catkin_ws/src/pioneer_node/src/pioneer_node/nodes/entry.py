@@ -6,10 +6,12 @@ import io
 import logging
 import os
 import signal
+import socket
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
+from urllib.parse import urlsplit
 
 import rosgraph
 import rospy
@@ -26,6 +28,9 @@ _ending = EndRequest()
 _initialised = threading.Event()
 _REGISTERING = 3.0
 """Time-out for registration after a shutdown request [s]: without a master rospy retries forever, holding locks."""
+_RETRY = 0.1
+"""Interval for trying to reach the master [s]."""
+_TRIES_UNTIL_REPORT = 10
 
 
 def run(
@@ -57,6 +62,8 @@ def run(
     door = launch_door()
     if door is not None:
         door.patch_node(is_ending, _ending.wait)
+    if _has_private_parameters(sys.argv) and not _master_answers():
+        _leave(0)
     rospy.init_node(name, disable_rostime=wall_time, disable_signals=True)
     _initialised.set()
     status = _spun(name, build if wall_time else _as_member(build), expected)
@@ -64,6 +71,38 @@ def run(
         ending.join()  # the process ends once the node is unregistered
         _leave(status)
     return status
+
+
+def _has_private_parameters(arguments: Sequence[str]) -> bool:
+    """Returns whether there is a ``_name:=value``. rospy sets these at once: it fails without a master.
+
+    Without one, rospy itself waits for the master.
+    """
+    return any(
+        ":=" in argument and argument.startswith("_") and not argument.startswith("__")
+        for argument in arguments
+    )
+
+
+def _master_answers() -> bool:
+    """Waits until the ROS master accepts connections; returns false if a signal ends the wait."""
+    uri = rosgraph.get_master_uri()
+    try:
+        master = urlsplit(uri)
+        address = (master.hostname or "", master.port or 80)
+    except ValueError:
+        return True  # rospy reports an invalid URI
+    tried = 0
+    while not _ending.is_set():
+        try:
+            socket.create_connection(address, 1.0).close()
+            return True
+        except OSError as error:
+            tried += 1
+            if tried == _TRIES_UNTIL_REPORT:
+                sys.stderr.write(f"waiting for the ROS master at {uri}: {error}\n")
+        _ending.wait(_RETRY)
+    return False
 
 
 def _leave(status: int) -> NoReturn:
