@@ -21,6 +21,15 @@ _FOREIGN = {
 """Variables that a user's shell may have set for another fleet; every demo of these tests runs with them."""
 
 
+def python_path():
+    """Returns the PYTHONPATH of programs that tests start: this process's, the built packages first.
+
+    The import of a built package puts the folder of its sources first, which lacks the generated messages.
+    """
+    built = [path for path in sys.path if "/devel/" in path]
+    return os.pathsep.join([*built, *filter(None, sys.path)])
+
+
 class Running:
     """A demo or fleet in its own session; an environment variable marks all processes that it started."""
 
@@ -28,11 +37,12 @@ class Running:
         self.report, self.command = report, command
         self.mark = str(report)
         self.output = report.with_suffix(".txt")
+        self.python_path = python_path()
         environment = {
             **os.environ,
             **_FOREIGN,
             _MARK: self.mark,
-            "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+            "PYTHONPATH": self.python_path,
         }
         folder = ["--log" if command == "fleet" else "--report", str(report)]
         command = [sys.executable, "-m", "pioneer_demo", command, *folder, *map(str, options)]

@@ -5,14 +5,17 @@
 
 import json
 import os
+import re
 import statistics
 import sys
+import threading
 import time
 from collections import Counter
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import psutil
+from simple_navigation_goals.msg import WaypointQueue
 from std_srvs.srv import Trigger
 
 from pioneer_fleet.registry import running_fleets
@@ -33,6 +36,13 @@ GROWTH, GROWTH_AT_FIRST = 12 * MB, 40 * MB
 LONG = 10.0
 """From this duration on, a run counts as long [min]."""
 REPORT = 30.0
+STOP = 0.3
+"""Maximum time from an operator's STOP to its answer, which follows the robot's zero command [s].
+
+The time in which the page waits for a processor does not count, as other programs of the machine decide on it."""
+VIEWER = "the-viewers-token-1"
+STOPPED_ROBOT = "pioneer3"
+"""The robot that the operator stops all the time; it has no waypoints, and the others drive on."""
 PATROLS = {
     "pioneer1": [(2.4, -10.0), (-2.1, -7.3), (-2.1, -11.9)],
     "pioneer2": [(-2.7, 20.6), (1.6, 17.0), (-3.7, 15.2)],
@@ -42,12 +52,36 @@ PATROLS = {
 FOREIGN = ("rosout", "robot_state_publisher", "rosmaster", "roslaunch", "fleet_observer")
 
 
+class Progress:
+    """Number of waypoints that a robot's client reports as reached, read from that node alone.
+
+    The fleet's own status mixes true reports with those that the fuzzers send on the same topic.
+    """
+
+    def __init__(self, master_uri: str, robot: str) -> None:
+        self.reached = 0
+        node = f"/{robot}/map_goal_client"
+        client = Client(master_uri, "/fuzz_progress")
+        self._connection = client.subscribe(node, f"{node}/queue")
+        self._connection.be_patient()
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        with self._connection:
+            while True:
+                try:
+                    message = WaypointQueue().deserialize(self._connection.read_frame())
+                except OSError:
+                    return
+                self.reached = message.reached
+
+
 class Fleet:
-    """Two robots on endless patrols, started by ``./pioneer fleet`` and observed from outside."""
+    """Two robots on endless patrols and one at rest, started by ``./pioneer fleet`` and observed from outside."""
 
     def __init__(self, running, folder: Path) -> None:
         self.running = running
-        running.await_words("2 robots are ready", START_UP)
+        running.await_words("3 robots are ready", START_UP)
         self.first = self.status()
         self.masters = {robot["robot"]: robot["master"] for robot in self.first["robots"]}
         # The scripts that set up rules exit by themselves.
@@ -55,12 +89,18 @@ class Fleet:
             pid: line for pid, line in running.processes().items() if "/rocon_flip/" not in line
         }
         self.memory = {pid: [] for pid in self.processes}
-        self.reached = dict.fromkeys(self.masters, 0)
-        self.left = dict.fromkeys(self.masters, self.first["simulated_seconds"])
-        self.longest = dict.fromkeys(self.masters, 0.0)
+        self.reached = dict.fromkeys(PATROLS, 0)
+        self.left = dict.fromkeys(PATROLS, self.first["simulated_seconds"])
+        self.longest = dict.fromkeys(PATROLS, 0.0)
+        self.longest_stand = 0.0
         self.clock, self.clock_seen = 0.0, time.monotonic()
         for robot, places in PATROLS.items():
             self._patrol(robot, places, folder / f"{robot}.yaml")
+        self.progress = {robot: Progress(self.masters[robot], robot) for robot in PATROLS}
+        self.page, self.token = re.search(r"(http\S+:\d+)/#(\S+)", running.text()).groups()
+        self.page_pid = next(
+            pid for pid, line in self.processes.items() if "pioneer_web/fleet_page" in line
+        )
 
     def status(self) -> dict:
         found = next(
@@ -96,16 +136,16 @@ class Fleet:
         status, moment = self.status(), time.monotonic()
         if status["simulated_seconds"] > self.clock:
             self.clock, self.clock_seen = status["simulated_seconds"], moment
+        self.longest_stand = max(self.longest_stand, moment - self.clock_seen)
         assert moment - self.clock_seen < CLOCK_STANDS_STILL, (
             f"simulated time stands still at {self.clock} s"
         )
-        for robot in status["robots"]:
-            name = robot["robot"]
+        for name, progress in self.progress.items():
             leg = self.clock - self.left[name]
             self.longest[name] = max(leg, self.longest[name])
-            assert leg < LEG, f"{name} has been on its way for {leg:.0f} s: {robot}"
-            if robot["reached"] > self.reached[name]:
-                self.reached[name], self.left[name] = robot["reached"], self.clock
+            assert leg < LEG, f"{name} has been on its way for {leg:.0f} s: {status}"
+            if progress.reached > self.reached[name]:
+                self.reached[name], self.left[name] = progress.reached, self.clock
 
     def sample(self) -> None:
         """Records the memory of every process."""
@@ -149,7 +189,7 @@ def start_fuzzers(group: ProcessGroup, fleet: Fleet, folder: Path, seed: int) ->
     def start(name: str, program: str, *words: str, **environment: str) -> None:
         logs.append(folder / f"{name}.log")
         argv = [sys.executable, str(FUZZERS / program), str(seed + len(logs)), *words]
-        path = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        path = {"PYTHONPATH": fleet.running.python_path}
         group.start(name, argv, {**os.environ, **path, **environment}, logs[-1])
 
     robots = list(fleet.masters)
@@ -157,7 +197,24 @@ def start_fuzzers(group: ProcessGroup, fleet: Fleet, folder: Path, seed: int) ->
         rate, known = ("3", robots) if name == "base" else ("1", [name])
         start(name, "ros.py", rate, *known, ROS_MASTER_URI=uri, ROS_IP="127.0.0.1")
     start("ports", "wire.py", "60", *fleet.addresses())
+    start("page", "page.py", fleet.page, VIEWER)
     return logs
+
+
+def start_operator(group: ProcessGroup, fleet: Fleet, folder: Path) -> Path:
+    """Starts an operator who stops a robot all the time; returns the file to which the times are written."""
+    log = folder / "operator.log"
+    words = (fleet.page, fleet.token, STOPPED_ROBOT, str(fleet.page_pid))
+    argv = [sys.executable, str(FUZZERS / "operator_stops.py"), *words]
+    path = {"PYTHONPATH": fleet.running.python_path}
+    group.start("operator", argv, {**os.environ, **path}, log)
+    return log
+
+
+def stops(log: Path) -> dict:
+    """Returns the operator's newest figures; empty before the first STOP."""
+    lines = [line for line in log.read_text().splitlines() if line.startswith("{")]
+    return json.loads(lines[-1]) if lines else {}
 
 
 def counts(logs: list[Path]) -> Counter[str]:
@@ -179,11 +236,14 @@ def test_a_fleet_keeps_reaching_waypoints_under_hostile_input(
     minutes = float(os.environ.get("PIONEER_FUZZ_MINUTES", "1"))
     seed = int(os.environ.get("PIONEER_FUZZ_SEED", "1"))
     monkeypatch.setenv("ROCON_HUB_PASSWORD", "fuzz")
-    fleet = Fleet(start("--robots", 2, command="fleet"), tmp_path)
+    monkeypatch.setenv("PIONEER_WEB_VIEWER_TOKEN", VIEWER)
+    fleet = Fleet(start("--robots", 3, "--web", command="fleet"), tmp_path)
     say(f"the fleet drives; {minutes:g} minutes of hostile input, seed {seed}")
     with ProcessGroup() as group:
+        operator = start_operator(group, fleet, tmp_path)
+        wait_until(lambda: group.check() or stops(operator), "the operator's first STOP", 60)
         logs = start_fuzzers(group, fleet, tmp_path, seed)
-        watch(fleet, group, logs, 60 * minutes)
+        watch(fleet, group, logs, operator, 60 * minutes)
     met = counts(logs)
     before = dict(fleet.reached)
     wait_until(
@@ -192,9 +252,18 @@ def test_a_fleet_keeps_reaching_waypoints_under_hostile_input(
         90,
     )
     verdict(fleet, met, GROWTH if minutes >= LONG else GROWTH_AT_FIRST, record_property)
+    figures = stops(operator)
+    say(json.dumps(figures))
+    itself = figures["slowest itself"]["seconds"]
+    record_property("slowest STOP [s]", figures["slowest"]["seconds"])
+    record_property("slowest STOP, without waiting for a processor [s]", itself)
+    assert itself <= STOP, figures
+    assert figures["STOPs"] > 10 * minutes, figures
 
 
-def watch(fleet: Fleet, group: ProcessGroup, logs: list[Path], seconds: float) -> None:
+def watch(
+    fleet: Fleet, group: ProcessGroup, logs: list[Path], operator: Path, seconds: float
+) -> None:
     """Watches fleet and fuzzers for this long; fails, too, if a fuzzer is stuck waiting for an answer."""
     began = told = time.monotonic()
     end = began + seconds
@@ -209,14 +278,23 @@ def watch(fleet: Fleet, group: ProcessGroup, logs: list[Path], seconds: float) -
         if time.monotonic() - told > min(REPORT, seconds / 12):
             told = time.monotonic()
             fleet.sample()
-            say(
-                f"{told - began:.0f} s: {sum(counts(logs).values())} inputs, waypoints {fleet.reached}"
-            )
+            inputs = sum(counts(logs).values())
+            say(f"{told - began:.0f} s: {inputs} inputs, waypoints {fleet.reached}")
+            say(f"  {_stop_figures(stops(operator))}; load {os.getloadavg()[0]:.1f}")
         return time.monotonic() >= end
 
     wait_until(turn, "the end of the time", seconds + 60)
     stuck = [log.name for log, count in zip(logs, halfway, strict=True) if counts([log]) == count]
     assert not stuck, f"{stuck} got no answer in the second half of the time"
+
+
+def _stop_figures(figures: dict) -> str:
+    return (
+        f"{figures['STOPs']} STOPs: median {figures['median']} s, 99 % within {figures['99 %']} s, "
+        f"slowest {figures['slowest']['seconds']} s, "
+        f"without waiting for a processor {figures['slowest itself']['seconds']:.3f} s, "
+        f"{figures['over 0.3 s']} over 0.3 s"
+    )
 
 
 def verdict(fleet: Fleet, met: Counter[str], most: float, record_property) -> None:
@@ -239,8 +317,11 @@ def verdict(fleet: Fleet, met: Counter[str], most: float, record_property) -> No
             statistics.median(taken[-quarter:]),
         )
         grown[pid] = late - early
-    worst = max(grown, key=grown.__getitem__)
-    say(f"memory: largest growth {grown[worst] / MB:.1f} MB, of {fleet.processes[worst][-150:]}")
+    say(f"simulated time stood still for {fleet.longest_stand:.1f} s at most")
+    say("growth of each process's memory, from the second quarter to the last:")
+    for pid in sorted(grown, key=grown.__getitem__, reverse=True):
+        size = fleet.memory[pid][-1] / MB
+        say(f"  {grown[pid] / MB:6.1f} MB of {size:4.0f} MB: {fleet.processes[pid][-110:]}")
     for pid, growth in grown.items():
         assert growth <= most, (
             f"{fleet.processes[pid]} grew by {growth / MB:.1f} MB: {fleet.memory[pid]}"

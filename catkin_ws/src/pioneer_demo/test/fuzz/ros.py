@@ -21,10 +21,14 @@ import rospy
 import rosservice
 from dynamic_reconfigure.srv import Reconfigure
 
-NODES = ("amcl", "move_base", "map_goal_client", "pioneer_ros", "controller_spin_recover", "gazebo")
-"""Nodes whose topics and services are fuzzed."""
-OBEYED = ("/clock", "/status", "/map_goal_client/cancel")
+FOREIGN = ("robot_state_publisher", "roslaunch")
+"""Words in the names of nodes that are not part of this project."""
+OBSERVERS = ("fleet_observer", "fleet_page", "rosout")
+"""Nodes that only watch: robots do not drive otherwise, whatever these are told."""
+OBEYED = ("/clock", "/status", "/map_goal_client/cancel", "/safety_stop")
 """Suffixes of topics that are not fuzzed: ROS 1 does not authenticate senders, so nodes must obey fake messages."""
+OBEYED_BY_ALL = ("/clock",)
+"""Those that are not fuzzed even if only observers read them."""
 ORDERS = (
     "pause_physics",
     "unpause_physics",
@@ -34,8 +38,10 @@ ORDERS = (
     "global_localization",
     "clear",
 )
-ORDERS += ("patrol", "set_logger_level", "clear_costmaps", "set_watcher_period")
+ORDERS += ("patrol", "set_logger_level", "clear_costmaps", "set_watcher_period", "advertise_all")
 """Services that are not called, because they act whatever the request contains."""
+LOOK_EVERY = 10.0
+"""Interval for looking for new topics and services [s]."""
 ROBOT_LINKS = ("", "::base_link", "::left_wheel", "::ghost")
 BODIES = (
     "<box><size>1 1 {}</size></box>",
@@ -60,38 +66,45 @@ class Fuzzer:
         )
         self.poison = hostile.Poison(self.rng, (*links, *frames, "map", "world", "fuzz0"))
         self.drive_poison = hostile.Poison(self.rng, ("ghost",), huge=False)
+        self.actions: dict[str, Callable[[], None]] = {}
+        self.asked: dict[str, Any] = {}
+
+    def look(self) -> None:
+        """Adds the topics and services that are new: some exist only while a page is open."""
         master = rospy.get_master()
         _, subscriptions, services = master.getSystemState()[2]
         types = dict(master.getTopicTypes()[2])
-        self.actions: list[Callable[[], None]] = []
         for topic, nodes in subscriptions:
-            if not topic.endswith(OBEYED) and any(node.endswith(NODES) for node in nodes):
-                self._add_topic(topic, types[topic])
+            readers = [node for node in nodes if _is_ours(node)]
+            acting = [node for node in readers if not node.endswith(OBSERVERS)]
+            obeyed = OBEYED if acting else OBEYED_BY_ALL
+            is_new = topic in types and topic not in self.actions
+            if readers and is_new and not topic.endswith(obeyed):
+                self._add_topic(topic, types[topic], bool(acting))
         for name, (node, *_) in services:
-            if (
-                node.endswith(NODES)
-                and name.rpartition("/")[2] not in ORDERS
-                and "logger" not in name
-            ):
+            is_new = f"{name}()" not in self.actions
+            is_order = name.rpartition("/")[2] in ORDERS or "logger" in name
+            if is_new and _is_ours(node) and not is_order:
                 self._add_service(name)
 
     def turn(self) -> None:
         """Sends one hostile input to each target."""
-        for action in self.rng.sample(self.actions, len(self.actions)):
+        actions = [*self.actions.values()]
+        for action in self.rng.sample(actions, len(actions)):
             action()
 
-    def _add_topic(self, topic: str, type_: str) -> None:
+    def _add_topic(self, topic: str, type_: str, is_acted_upon: bool) -> None:
         kind = roslib.message.get_message_class(type_)
         raw = hostile.raw_class(kind)
         publisher = rospy.Publisher(topic, raw, queue_size=1)
-        self.actions.append(partial(self._publish, topic, publisher, kind, raw))
+        target = "navigation topics" if is_acted_upon else "observed topics"
+        if is_acted_upon and ("gazebo" in topic or "pioneer/cmd_vel" in topic):
+            target = "simulator topics"
+        self.actions[topic] = partial(self._publish, target, publisher, kind, raw)
 
-    def _publish(self, topic: str, publisher: rospy.Publisher, kind: Any, raw: Any) -> None:
-        target = (
-            "simulator topics"
-            if "gazebo" in topic or "pioneer/cmd_vel" in topic
-            else "navigation topics"
-        )
+    def _publish(self, target: str, publisher: rospy.Publisher, kind: Any, raw: Any) -> None:
+        if not publisher.get_num_connections():
+            return
         publisher.publish(raw(self._bytes(self._message(kind))))
         self.counts[target] += 1
 
@@ -128,7 +141,9 @@ class Fuzzer:
             target = "simulator services"
         elif kind._type == Reconfigure._type:
             make, target = partial(self._parameters, name), "dynamic_reconfigure"
-        self.actions.append(partial(self._call, target, proxy, make))
+        elif kind._type.startswith("gateway_msgs/"):
+            make, target = partial(self._rules, name, kind), "gateway services"
+        self.actions[f"{name}()"] = partial(self._call, target, proxy, make)
 
     def _call(self, target: str, proxy: rospy.ServiceProxy, make: Callable[[], Any]) -> None:
         # A refusal or a closed connection is an answer, too. Without an answer the count stops and the test fails.
@@ -155,6 +170,33 @@ class Fuzzer:
                 message.reference_frame = ""
         return message
 
+    def _rules(self, name: str, kind: Any) -> Any:
+        """Returns a request for rules with gateways that do not exist, half of them with sound topics.
+
+        Every second request takes back what the one before has asked for, so that rules do not accumulate.
+        """
+        before = self.asked.pop(name, None)
+        if before is not None:
+            before.cancel = True
+            return before
+        request = self.poison.fill(kind._request_class())
+        ghost = f"ghost{self.rng.randrange(10**9)}"
+        if hasattr(request, "gateway"):
+            request.gateway = ghost
+        for remote in getattr(request, "remotes", []):
+            remote.gateway = self.rng.choice((ghost, ghost, *hostile.FOREIGN))
+            if self.rng.random() < 0.5:
+                remote.rule.type = self.rng.choice(("publisher", "subscriber"))
+                remote.rule.name = self.rng.choice(("/clock", "/tf", f"/{ghost}/odom", ".*"))
+                remote.rule.node = self.rng.choice(("", f"/{ghost}", ".*"))
+        for rule in getattr(request, "rules", []):
+            # Advertisements need no other gateway: those of topics that do exist would be legitimate.
+            rule.name = f"/{ghost}/{self.rng.choice(('odom', '(', 'scan.*'))}"
+        if hasattr(request, "cancel"):
+            request.cancel = False
+            self.asked[name] = request
+        return request
+
     def _parameters(self, name: str) -> Any:
         """Returns non-finite values for existing parameters, of the right type or not, or anything for unknown ones."""
         request = Reconfigure._request_class()
@@ -170,13 +212,20 @@ class Fuzzer:
         return request
 
 
+def _is_ours(node: str) -> bool:
+    return node != rospy.get_name() and not any(word in node for word in FOREIGN)
+
+
 def main() -> None:
     """Runs until SIGINT."""
     seed, rate, *robots = sys.argv[1:]
     rospy.init_node("fuzz", disable_rostime=True)
-    fuzzer, told = Fuzzer(int(seed), robots), 0.0
+    fuzzer, told, looked = Fuzzer(int(seed), robots), 0.0, -LOOK_EVERY
     pace = rospy.Rate(float(rate))
     while not rospy.is_shutdown():
+        if time.monotonic() - looked > LOOK_EVERY:
+            fuzzer.look()
+            looked = time.monotonic()
         fuzzer.turn()
         if time.monotonic() - told > 1.0:
             told = time.monotonic()
