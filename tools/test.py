@@ -68,6 +68,7 @@ def lint() -> Iterator[Check]:
         environment={"PYTHONPATH": paths},
     )
     yield Check("catkin_lint", ["catkin_lint", "--offline", "-W1", "--strict", str(SOURCE)])
+    yield Check("ros_private", [sys.executable, str(ROOT / "tools" / "ros_private.py")])
     for name in CHECKS:
         yield Check(name, [sys.executable, str(ROOT / "tools" / "text_check.py"), name])
 
