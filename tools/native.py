@@ -16,6 +16,7 @@ from containers.report import aligned, follow, status_table
 from containers.state import fleet as fleet_of
 from containers.state import stack
 from containers.subcommand import Subcommands
+from pioneer_fleet.printable import printable
 from pioneer_fleet.registry import running_fleets
 
 HEADINGS = ("ROBOT", "STATE", "ROBOT MOVES", "ODOM", "POSITION", "ERROR", "WAYPOINTS", "LAST WORD")
@@ -89,13 +90,6 @@ def fleet_table(fleet: Fleet) -> str:
     rows = [_row(robot, age) for robot in fleet["robots"]]
     return printable(
         "\n".join([", ".join(facts), *old, aligned([HEADINGS, *rows]), *fleet["faults"]])
-    )
-
-
-def printable(text: str) -> str:
-    """Returns ``text`` with escapes in place of characters that control a terminal, but for line feeds."""
-    return "".join(
-        char if char.isprintable() or char == "\n" else repr(char)[1:-1] for char in text
     )
 
 

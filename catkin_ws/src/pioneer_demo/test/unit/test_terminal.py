@@ -42,3 +42,24 @@ def test_on_a_terminal_the_block_is_drawn_over_itself_and_fits_its_width():
     assert "x" * 19 + "\n" in first
     assert "x" * 20 not in first
     assert again == "\x1b[Jthird\n"
+
+
+HOSTILE = "\x1b[2J\x1b]0;title\x07\rpioneer1 \x9b31m\nis fine"
+
+
+def test_texts_of_other_programs_do_not_control_the_terminal():
+    output = FakeTerminal()
+    display = Display(output, columns=lambda: 200)
+    display.say(HOSTILE)
+    display.show(lambda: [HOSTILE, display.painted("fine", good=True)])
+    shown = output.getvalue().replace("\x1b[J", "").replace("\x1b[32mfine\x1b[0m", "")
+    assert all(char.isprintable() or char == "\n" for char in shown)
+    assert "title" in shown
+
+
+def test_a_line_feed_in_a_text_does_not_break_the_block():
+    output = FakeTerminal()
+    display = Display(output, columns=lambda: 200)
+    display.show(lambda: ["one\ntwo"], "a")
+    display.show(lambda: ["three"], "b")
+    assert output.getvalue().endswith("\x1b[1F\x1b[Jthree\n")

@@ -1,17 +1,11 @@
 """Termination signals, polled between two steps instead of raised in the middle of one."""
 
-import contextlib
 import os
-import select
 import signal
-import threading
-import time
 
 from pioneer_demo.error import DemoError
-from pioneer_node.adapters.end_request import EndRequest
+from pioneer_node.adapters.forced_end import ForcedEnd
 
-_FINAL = 2
-"""Number of signals that ends the process in any case."""
 _GRACE = 10.0
 """Time to end everything after the second signal, if the process has reacted to the first one [s]."""
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
@@ -25,47 +19,22 @@ class Interrupted(DemoError):  # noqa: N818 - no error: a request
         self.status = 128 + number  #: exit status: 128 + signal number
 
 
-class Interrupt(EndRequest):
+class Interrupt(ForcedEnd):
     """Records SIGINT, SIGTERM, SIGHUP and SIGQUIT, even if the shell has set them to ignored.
 
     ``./pioneer`` starts Python with these signals blocked, so that a signal that arrives during interpreter startup
-    stays pending until they are unblocked here.
+    stays pending until they are unblocked here. The second signal ends the process: at once if the main thread has not
+    reacted to the first one, or else once it had time to end everything. The processes that it started get SIGTERM
+    from the kernel then.
     """
 
     def __init__(self) -> None:
-        super().__init__()
-        self.take_signals(*_SIGNALS)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
-
         self._is_noticed = False
-        self._count = 0
-        threading.Thread(target=self._watch, name="signals", daemon=True).start()
+        super().__init__(*_SIGNALS)
 
-    def _watch(self) -> None:
-        """Ends the process after the second signal, however its other threads are blocked.
-
-        At once if the main thread has not reacted to the first one, or else once it had time to end everything. The
-        processes that it started get SIGTERM from the kernel then.
-        """
-        while self._count < _FINAL:
-            select.select([self._signals], [], [])
-            self._count_signals()
-        if self._is_noticed:
-            time.sleep(_GRACE)
-        with contextlib.suppress(OSError):
-            os.write(2, b"ended by the second signal; what was under way is incomplete\n")
-        os._exit(128 + self.number)
-
-    def _read_signals(self) -> None:
-        """Leaves the signals to the thread that counts them."""
-
-    def _count_signals(self) -> None:
-        if self._signals is not None:
-            with contextlib.suppress(BlockingIOError):
-                for number in os.read(self._signals, 4096):
-                    if number in self._numbers:
-                        self._count += 1
-                        self._take(number)
+    def grace(self) -> float:
+        """Returns the time to end everything, if the main thread is doing that [s]."""
+        return _GRACE if self._is_noticed else 0.0
 
     def check(self) -> None:
         """Raises ``Interrupted`` once one of the signals has arrived."""

@@ -1,18 +1,25 @@
 """Shows progress: redrawn in place on a terminal, as periodic lines elsewhere."""
 
 import os
+import re
 import shutil
 import sys
 import time
 from collections.abc import Callable, Sequence
 from typing import TextIO
 
+from pioneer_fleet.printable import printable
+
 _REDRAW = 0.25
 _REPEAT = 5.0
+_COLOUR = re.compile("(\x1b\\[(?:0|31|32)m)")
+"""What ``Display.painted`` adds; all other control characters are escaped."""
 
 
 class Display:
     """Shows a changing block of lines. Not thread-safe.
+
+    Texts come from other programs, too: characters that control a terminal are escaped.
 
     On a terminal the block is redrawn in place, at most four times a second; elsewhere it is printed every 5 s. A new
     phase is shown at once on both.
@@ -36,14 +43,14 @@ class Display:
             return
         self._phase, self._next = phase, now + (_REDRAW if self.in_place else _REPEAT)
         if self.in_place:
-            self._draw(lines())
+            self._draw(list(map(_shown, lines())))
         else:
-            print(*lines(), sep="\n", file=self._output, flush=True)
+            print(*map(_shown, lines()), sep="\n", file=self._output, flush=True)
 
     def say(self, line: str) -> None:
-        """Prints a permanent line above the block."""
+        """Prints a permanent line, or several, above the block."""
         self.clear()
-        print(line, file=self._output, flush=True)
+        print(_shown(line, "\n"), file=self._output, flush=True)
 
     def clear(self) -> None:
         """Removes the block."""
@@ -64,3 +71,9 @@ class Display:
         self._output.write(f"{up}\x1b[J{text}")
         self._output.flush()
         self._drawn = len(lines)
+
+
+def _shown(line: str, kept: str = "") -> str:
+    """Returns a line without control characters, but for our colours and those in ``kept``."""
+    parts = _COLOUR.split(line)
+    return "".join(part if _COLOUR.fullmatch(part) else printable(part, kept) for part in parts)

@@ -14,7 +14,7 @@ from pioneer_fleet.recording.replay_option import parser
 from pioneer_fleet.recording.replay_page import ReplayPage
 from pioneer_harness.error import HarnessError
 from pioneer_harness.masters import Master
-from pioneer_node.adapters.end_request import EndRequest
+from pioneer_node.adapters.forced_end import ForcedEnd
 
 
 def main(words: Sequence[str]) -> int:
@@ -27,8 +27,7 @@ def main(words: Sequence[str]) -> int:
         command.error(f"there is no recording {options.file}")
     if options.web and options.file.suffix != ".mcap":
         command.error("--web plays .mcap files only")
-    end = EndRequest()
-    end.take_signals(signal.SIGINT, signal.SIGTERM)
+    end = ForcedEnd(signal.SIGINT, signal.SIGTERM)
     try:
         with Master() as master:
             os.environ.update(ROS_MASTER_URI=master.uri, ROS_IP="127.0.0.1")

@@ -13,8 +13,10 @@ import rosgraph
 import rospy
 from geometry_msgs.msg import Twist
 
+from pioneer_fleet.printable import printable
 from pioneer_fleet.teleop.steering import Steering
 from pioneer_node.adapters.end_request import EndRequest
+from pioneer_node.adapters.forced_end import ForcedEnd
 
 _RATE = 10.0
 """Command rate [Hz]: a robot stops 0.6 s after the last command."""
@@ -33,6 +35,13 @@ def main() -> int:
     if not sys.stdin.isatty():
         sys.stderr.write("teleop: standard input must be a terminal\n")
         return 2
+    terminal = termios.tcgetattr(sys.stdin.fileno())
+    end = ForcedEnd(
+        signal.SIGINT,
+        signal.SIGTERM,
+        signal.SIGHUP,
+        before=lambda: termios.tcsetattr(sys.stdin.fileno(), termios.TCSANOW, terminal),
+    )
     if not rosgraph.is_master_online():
         sys.stderr.write(
             f"teleop: no ROS master at {os.environ.get('ROS_MASTER_URI')}; is the fleet running?\n"
@@ -40,16 +49,15 @@ def main() -> int:
         return 1
     # rospy would close the publisher before the robot has been stopped.
     rospy.init_node("teleop", anonymous=True, disable_rostime=True, disable_signals=True)
-    end = EndRequest()
-    end.take_signals(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     publisher = rospy.Publisher(f"/{robot}/cmd_vel", Twist, queue_size=1)
-    sys.stdout.write(f"{robot}: {_HELP}\n")
+    shown = printable(robot, "")
+    sys.stdout.write(f"{shown}: {_HELP}\n")
     for steering in _steered(end):
         command = Twist()
         command.linear.x, command.angular.z = steering.linear, steering.angular
         publisher.publish(command)
         listening = (
-            "" if publisher.get_num_connections() else f"   nothing subscribes to /{robot}/cmd_vel"
+            "" if publisher.get_num_connections() else f"   nothing subscribes to /{shown}/cmd_vel"
         )
         sys.stdout.write(
             f"\r\033[K{steering.linear:+.1f} m/s  {steering.angular:+.1f} rad/s{listening}"
