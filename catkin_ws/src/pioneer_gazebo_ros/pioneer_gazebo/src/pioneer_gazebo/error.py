@@ -17,5 +17,9 @@ class SpawnError(SimulatorError):
     """A model could not be spawned."""
 
 
+class TopicError(SimulatorError):
+    """A topic cannot be advertised: it has another type already."""
+
+
 class DescriptionError(SimulatorError):
     """A world or robot file is invalid; the message gives file, element and reason."""

@@ -214,12 +214,19 @@ class FeatureTest(unittest.TestCase):
         changed = ask()
         assert abs(changed.time_step - 0.01) < 1e-9
         assert (changed.gravity.z, changed.max_update_rate) == (-3.7, 100.0)
+        # Gazebo's default step is shorter than a tick: the nearest possible one, at the same real-time factor.
+        near = tell(0.001, 1000.0, Vector3(0.0, 0.0, -3.7), before.ode_config)
+        assert near.success
+        assert "0.00166667 s in place of 0.001 s" in near.status_message
+        changed = ask()
+        assert abs(changed.time_step - 1 / 600) < 1e-9
+        assert abs(changed.max_update_rate - 600.0) < 1e-6
         for step, rate, gravity in (
             (0.0, 50.0, Vector3()),
             (float("nan"), 50.0, Vector3()),
             (0.02, -1.0, Vector3()),
             (0.02, 50.0, Vector3(0.0, 0.0, float("inf"))),
-            (0.0123, 50.0, Vector3()),
+            (1.5, 50.0, Vector3()),
         ):
             refused = tell(step, rate, gravity, before.ode_config)
             assert not refused.success

@@ -10,13 +10,25 @@ import pytest
 import yaml
 
 from pioneer_gazebo.error import DescriptionError
+from pioneer_gazebo.physics.engine import Velocity
 from pioneer_gazebo.sensors.camera import points_of
-from pioneer_gazebo.sensors.inertial import InertialUnit, Receiver
+from pioneer_gazebo.sensors.inertial import InertialUnit, Receiver, Truth
 from pioneer_gazebo.simulation.entity import Entity
 from pioneer_gazebo.simulation.schedule import TICK_RATE
 from pioneer_gazebo.simulation.simulation import Simulation
+from pioneer_gazebo.simulation.state import place, relative
+from pioneer_gazebo.topics.sensor_messages import info_of
+from pioneer_gazebo.world.model import Model
 from pioneer_gazebo.world.pose import Pose
-from pioneer_gazebo.world.robot import Camera, Gps, Imu, JointStatePublisher, LaserSensor, Robot
+from pioneer_gazebo.world.robot import (
+    Camera,
+    Gps,
+    GroundTruth,
+    Imu,
+    JointStatePublisher,
+    LaserSensor,
+    Robot,
+)
 from pioneer_gazebo.world.ros_control import controlled
 from pioneer_gazebo.world.sdf import world_from_sdf_text
 from pioneer_gazebo.world.urdf import robot_from_urdf
@@ -144,6 +156,103 @@ def test_a_sensor_of_type_imu_is_an_imu_of_its_link() -> None:
         0.1,
     )
     assert robot.warnings == ()
+
+
+def planar(extra: str) -> Robot:
+    """Returns a rover that moves in the plane, with further elements."""
+    move = '<gazebo><plugin name="p" filename="libgazebo_ros_planar_move.so"/></gazebo>'
+    return rover(move + extra)
+
+
+def heading_of(rotation: tuple[float, float, float, float]) -> float:
+    return 2.0 * math.atan2(rotation[2], rotation[3])
+
+
+def test_an_imu_reports_the_orientation_since_the_start_where_asked_to(
+    simulate: MakeSimulation,
+) -> None:
+    simulation = simulate()
+    imu = """<gazebo reference="base"><sensor name="{0}" type="imu"><plugin name="{0}"
+    filename="libgazebo_ros_imu_sensor.so"><topicName>{0}</topicName>{1}</plugin></sensor></gazebo>"""
+    robot = planar(
+        imu.format("world", "")
+        + imu.format("start", "<initialOrientationAsReference>true</initialOrientationAsReference>")
+        + imu.format("turned", "<rpyOffset>0 0 0.5</rpyOffset>")
+    )
+    assert robot.warnings == ()
+    entity = simulation.add_robot("r", "r", robot, Pose.from_rpy(0, 0, 0.1, 0, 0, 1.0))
+    units = [InertialUnit(simulation, entity, config) for config in robot.of(Imu)]
+    entity.movers[0].command(simulation.moment, 0.0, 0.0, 0.5)
+    run(simulation, 1.0)
+    yaw = simulation.pose(entity).yaw
+    assert yaw == pytest.approx(1.5, abs=0.05)
+    assert [heading_of(unit.measure()[0]) for unit in units] == pytest.approx(
+        [yaw, yaw - 1.0, yaw + 0.5], abs=1e-3
+    )
+
+
+def test_ground_truth_in_the_frame_of_a_link_is_relative_to_it(simulate: MakeSimulation) -> None:
+    simulation = simulate()
+    truth = """<gazebo><plugin name="t" filename="libgazebo_ros_p3d.so"><bodyName>front_left_wheel</bodyName>
+    <frameName>{}</frameName></plugin></gazebo>"""
+    robot = planar(truth.format("base") + truth.format("/world") + truth.format("odom"))
+    [warning] = robot.warnings
+    assert "frameName 'odom' is no link of the robot" in warning
+    entity = simulation.add_robot("r", "r", robot, Pose.from_rpy(1.0, 2.0, 0.1, 0, 0, 1.0))
+    relative, world, other = (Truth(simulation, entity, config) for config in robot.of(GroundTruth))
+    assert (relative.reference, world.reference, other.reference) == ("base", None, None)
+    entity.movers[0].command(simulation.moment, 0.3, 0.0, 0.5)
+    run(simulation, 1.0)
+    pose, velocity = relative.motion()
+    assert pose.position == pytest.approx((0.15, 0.2, 0.0), abs=1e-3)
+    # The wheel moves sideways round the base's centre: turn rate times offset.
+    assert velocity.linear == pytest.approx((-0.5 * 0.2, 0.5 * 0.15, 0.0), abs=0.01)
+    in_world, _ = world.motion()
+    assert in_world == other.motion()[0]
+    assert in_world.position == pytest.approx(
+        simulation.pose(entity).compose(pose).position, abs=1e-6
+    )
+
+
+def test_covariances_of_drives_are_those_of_the_description() -> None:
+    covariances = "<covariance_x>0.5</covariance_x><covariance_yaw>0.25</covariance_yaw>"
+    robot = rover(SKID.replace("</plugin>", f"{covariances}</plugin>"))
+    assert robot.drives[0].poseCovariance == (0.5, 0.0001, 1e12, 1e12, 1e12, 0.25)
+    diagonal = [0.001, 0.001, 1e6, 1e6, 1e6, 0.03]
+    [drive] = driven(parameters(pose_covariance_diagonal=diagonal)).drives
+    assert drive.poseCovariance == tuple(diagonal)
+    assert drive.twistCovariance == (1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3)
+    _, notes = controlled(rover(CONTROL), parameters(twist_covariance_diagonal=[1, 2]))
+    assert any("twist_covariance_diagonal is ignored" in note for note in notes)
+
+
+def test_a_stereo_cameras_baseline_is_in_its_camera_info() -> None:
+    robot = rover("""<gazebo reference="base"><sensor type="camera" name="right"><camera>
+    <horizontal_fov>1.5708</horizontal_fov><image><width>80</width><height>60</height></image></camera>
+    <plugin name="c" filename="libgazebo_ros_camera.so"><hackBaseline>0.07</hackBaseline><distortionK1>0</distortionK1>
+    <distortionK2>0.1</distortionK2></plugin></sensor></gazebo>""")
+    [camera] = robot.of(Camera)
+    assert info_of(camera).P[3] == pytest.approx(-0.07 * 40.0, rel=1e-3)
+    [warning] = robot.warnings
+    assert "distortionK2" in warning
+    assert "no distortion" in warning
+
+
+def test_models_may_be_called_like_links_and_like_the_world(
+    simulate: MakeSimulation, box: Callable[..., Model]
+) -> None:
+    names = ("a", "a::b", "world", "map")
+    simulation = simulate(
+        *(
+            box(name, Pose((float(number), 0.0, 0.1)), (0.2, 0.2, 0.2), static=False)
+            for number, name in enumerate(names, start=1)
+        )
+    )
+    for number, name in enumerate(names, start=1):
+        for full in (name, f"{name}::link"):
+            assert relative(simulation, full, "")[0].position[0] == pytest.approx(number, abs=0.01)
+        place(simulation, name, Pose((float(number), 2.0, 0.5)), Velocity(), "world")
+        assert simulation.pose(simulation.entity(name)).position[1] == 2.0
 
 
 def test_a_gps_moves_north_and_east_by_metres(simulate: MakeSimulation) -> None:

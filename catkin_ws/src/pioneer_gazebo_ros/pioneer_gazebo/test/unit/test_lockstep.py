@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
+from pioneer_gazebo.lockstep.gate import _ring_names
 from pioneer_gazebo.lockstep.lockstep import Lockstep
 
 
@@ -78,6 +79,24 @@ def test_a_dropped_ring_is_waited_for_no_more_and_may_join_again(state: Lockstep
     )
     state.take("b", 2, [])
     assert [ring.name for ring, _ in state.begin_period([])] == ["a", "b"]
+
+
+def test_time_waits_for_nobody_once_no_ring_takes_part_any_more(state: Lockstep) -> None:
+    assert Lockstep().stands, "before the first period, rings are not known yet"
+    state.begin_period([])
+    for ring in ("a", "b"):
+        state.take(ring, 1, [])
+    state.end_period()
+    state.expect([])
+    assert not state.stands
+    assert state.begin_period([]) == []
+    assert not state.stands
+    state.expect(["a"])
+    assert state.stands, "until it has joined"
+
+
+def test_the_ring_without_a_namespace_has_a_name() -> None:
+    assert _ring_names(" / a /b ") == ["", "a", "b"]
 
 
 def test_a_ring_that_is_no_longer_expected_leaves_and_time_waits_for_it_once_it_is_expected_again(

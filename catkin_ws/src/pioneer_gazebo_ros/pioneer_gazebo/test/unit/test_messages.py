@@ -37,7 +37,9 @@ def read(kind: type, frame: bytes | bytearray) -> Any:
 
 
 def test_odometry() -> None:
-    template = drive_messages.OdometryTemplate("r/odom", "r/base_link", [1, 2, 3, 4, 5, 6])
+    template = drive_messages.OdometryTemplate(
+        "r/odom", "r/base_link", [1, 2, 3, 4, 5, 6], [6, 5, 4, 3, 2, 1]
+    )
     template.fill(0, Pose(), STILL)
     pose = Pose.from_rpy(1.0, 2.0, 3.0, 0.1, 0.2, 0.3)
     message = read(Odometry, template.fill(TIME, pose, Velocity((0.5, 0.1, 0.2), (0.3, 0.4, 0.6))))
@@ -50,6 +52,7 @@ def test_odometry() -> None:
     assert messages.pose_from_message(message.pose.pose).rotation == pytest.approx(pose.rotation)
     assert (message.twist.twist.linear.x, message.twist.twist.angular.z) == (0.5, 0.6)
     assert message.pose.covariance[0::7] == (1, 2, 3, 4, 5, 6)
+    assert message.twist.covariance[0::7] == (6, 5, 4, 3, 2, 1)
 
 
 def test_scan() -> None:

@@ -7,6 +7,7 @@ from pioneer_gazebo.simulation.schedule import (
     RateError,
     Schedule,
     nanoseconds,
+    nearest_rate,
     period_of,
 )
 
@@ -25,6 +26,15 @@ def test_a_rate_that_does_not_divide_is_refused_with_both_numbers() -> None:
         RateError, match=r"laser: a rate of 33 Hz does not divide the simulator's 600 Hz"
     ):
         period_of(33.0, "laser")
+
+
+@pytest.mark.parametrize("rate", [1e-4, 0.3, 7.0, 33.0, 40.0, 333.0, 450.0, 599.0, 1000.0])
+def test_the_nearest_rate_divides_the_tick_rate(rate: float) -> None:
+    found = nearest_rate(rate)
+    period_of(found, "laser")
+    period = round(TICK_RATE / found)
+    neighbours = [TICK_RATE / other for other in (period - 1, period + 1) if other]
+    assert all(abs(found - rate) <= abs(other - rate) for other in neighbours)
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, 601.0, float("nan"), float("inf")])

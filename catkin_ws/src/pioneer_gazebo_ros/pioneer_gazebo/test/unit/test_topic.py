@@ -7,12 +7,16 @@ from types import SimpleNamespace
 
 import pytest
 import rospy
+from sensor_msgs.msg import LaserScan, Range
 
+from pioneer_gazebo.error import TopicError
 from pioneer_gazebo.ros.mailbox import ClosedError, Mailbox
 from pioneer_gazebo.ros.topic import (
     FRAMES_KEPT,
+    Topic,
     _bear_late_goodbyes,
     _Outlet,
+    check_type,
     publish_while_alive,
 )
 from pioneer_gazebo.timeline import MOST_BEHIND, Pacer
@@ -26,6 +30,13 @@ def pair():
     yield accepted, theirs
     for one in (ours, theirs, accepted):
         one.close()
+
+
+class Connection:
+    """A connection of rospy, which topics hold weakly."""
+
+    def __init__(self, sock: socket.socket) -> None:
+        self.socket = sock
 
 
 def read_exactly(sock: socket.socket, count: int, outlet: _Outlet | None = None) -> bytes:
@@ -166,3 +177,24 @@ def test_pace_says_what_simulated_time_is_due(monkeypatch: pytest.MonkeyPatch) -
 def test_as_fast_as_possible_never_waits() -> None:
     pacer = Pacer(0.0)
     assert pacer.wait_for(1e9) <= 0.0
+
+
+def test_a_topic_of_another_type_is_refused_and_one_of_the_same_shares_its_outlets(pair) -> None:
+    ours, theirs = pair
+    connection = Connection(ours)
+    first, second = (object.__new__(Topic) for _ in range(2))
+    for topic in (first, second):
+        topic._publisher = SimpleNamespace(impl=SimpleNamespace(connections=[connection]))
+        topic._outlets, topic._stale = {}, True
+    # The first topic's frame does not fit into the socket: the second one's must wait for its rest.
+    first.write(b"1" * 20_000_000)
+    second.write(b"2" * 100)
+    [outlet] = second._outlets.values()
+    data = read_exactly(theirs, 20_000_100, outlet)
+    assert data == b"1" * 20_000_000 + b"2" * 100
+    manager = rospy.topics.get_topic_manager()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(manager.pubs, "/scan", SimpleNamespace(data_class=LaserScan))
+        check_type("/scan", LaserScan)
+        with pytest.raises(TopicError, match=r"/scan has the type sensor_msgs/LaserScan already"):
+            check_type("/scan", Range)

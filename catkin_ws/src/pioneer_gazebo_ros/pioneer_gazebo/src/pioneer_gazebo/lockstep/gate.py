@@ -88,7 +88,9 @@ class LockstepGate:
         self._probed: float | None = None
         self._answers: dict[str, LockstepToken] = {}
         rospy.Subscriber(
-            RINGS, String, lambda message: mailbox.post(partial(self._expect, message.data.split()))
+            RINGS,
+            String,
+            lambda message: mailbox.post(partial(self._expect, _ring_names(message.data))),
         )
         rospy.Subscriber(
             WITHHELD,
@@ -104,7 +106,7 @@ class LockstepGate:
         """
         state = self._state
         if not state.begun and not state.rings:
-            self._listen(self._config.rings.split() or self._namespaces())
+            self._listen(_ring_names(self._config.rings) or self._namespaces())
         if self._expected is not None and not state.late:
             self._listen(self._expected)
             self._expected = None
@@ -240,6 +242,11 @@ class LockstepGate:
             if answer.period < self._state.period:
                 return f"{member} has not received the token"
         return f"the token of {ring.name or '/'} is lost on its way back"
+
+
+def _ring_names(text: str) -> list[str]:
+    """Returns the names of rings in a text, separated by blanks; ``/`` is the ring without a namespace."""
+    return [name.strip("/") for name in text.split()]
 
 
 def _time(tick: int) -> rospy.Time:

@@ -77,8 +77,11 @@ class Lockstep:
 
     @property
     def stands(self) -> bool:
-        """Whether time stands still: a token has not returned, or an awaited ring has not joined."""
-        return not self.rings or any(
+        """Whether time stands still: a token has not returned, an awaited ring has not joined, or none is known yet.
+
+        Once time has begun, no rings means that there is nobody to wait for.
+        """
+        return (not self.begun and not self.rings) or any(
             ring.waiting or (ring.awaited and not ring.joined) for ring in self.rings.values()
         )
 

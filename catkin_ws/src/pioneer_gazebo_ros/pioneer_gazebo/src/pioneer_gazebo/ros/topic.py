@@ -10,10 +10,12 @@ import socket
 from collections import deque
 from collections.abc import Callable
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import rospy
 from tf2_msgs.msg import TFMessage
 
+from pioneer_gazebo.error import TopicError
 from pioneer_gazebo.ros import messages
 from pioneer_node.nodes.exchange import Exchange
 
@@ -97,13 +99,36 @@ def publish_while_alive(publisher: rospy.Publisher, message: Any) -> None:
             raise
 
 
+def check_type(name: str, message_class: type) -> None:
+    """Checks that this process does not publish messages of another type on a topic, which rospy would accept.
+
+    Raises:
+        TopicError: it does; the message names both types.
+    """
+    known = rospy.topics.get_topic_manager().get_publisher_impl(rospy.resolve_name(name))
+    if known is not None and known.data_class is not message_class:
+        raise TopicError(
+            f"topic {rospy.resolve_name(name)} has the type {known.data_class._type} already:"
+            f" {message_class._type} is not published on it"  # type: ignore[attr-defined]
+        )
+
+
+_OUTLETS: WeakKeyDictionary[Any, _Outlet] = WeakKeyDictionary()
+"""The outlet of each connection: topics of one name share their connections."""
+
+
 class Topic(rospy.SubscribeListener):
     """A publisher of serialised frames. Used from one thread; rospy reports subscribers in its own threads."""
 
     def __init__(
         self, name: str, message_class: type, changed: Callable[[], None] = lambda: None
     ) -> None:
-        """Advertises ``name``; ``changed`` is called, in any thread, when a subscriber connects or disconnects."""
+        """Advertises ``name``; ``changed`` is called, in any thread, when a subscriber connects or disconnects.
+
+        Raises:
+            TopicError: the topic has another type already.
+        """
+        check_type(name, message_class)
         self._changed = changed
         self._outlets: dict[Any, _Outlet] = {}
         self._stale = True
@@ -162,7 +187,7 @@ class Topic(rospy.SubscribeListener):
         implementation = self._publisher.impl
         connections = implementation.connections if implementation is not None else ()
         self._outlets = {
-            connection: self._outlets.get(connection) or _Outlet(connection)
+            connection: _outlet_of(connection)
             for connection in connections or ()
             if connection.socket is not None
         }
@@ -178,6 +203,31 @@ class Topic(rospy.SubscribeListener):
         """Unregisters the topic."""
         self._outlets.clear()
         self._publisher.unregister()
+
+
+def _outlet_of(connection: Any) -> _Outlet:
+    outlet = _OUTLETS.get(connection)
+    if outlet is None:
+        outlet = _OUTLETS[connection] = _Outlet(connection)
+    return outlet
+
+
+class SilentTopic(Topic):
+    """Takes the place of a topic that cannot be advertised: it has no subscribers and sends nothing."""
+
+    def __init__(self) -> None:
+        self.exchange = None
+
+    @property
+    def wanted(self) -> bool:
+        """Returns False."""
+        return False
+
+    def write(self, frame: bytes | bytearray) -> None:
+        """Sends nothing."""
+
+    def close(self) -> None:
+        """Does nothing."""
 
 
 class TransformTopic(Topic):

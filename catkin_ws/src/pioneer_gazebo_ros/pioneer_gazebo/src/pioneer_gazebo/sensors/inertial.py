@@ -5,7 +5,12 @@ import math
 from pioneer_gazebo.physics.engine import Velocity
 from pioneer_gazebo.simulation.entity import Entity
 from pioneer_gazebo.simulation.simulation import Simulation
-from pioneer_gazebo.simulation.state import link_motion
+from pioneer_gazebo.simulation.state import (
+    WORLD_NAMES,
+    link_motion,
+    links_of,
+    seen_from,
+)
 from pioneer_gazebo.world.pose import (
     IDENTITY,
     Pose,
@@ -29,9 +34,19 @@ class InertialUnit:
     def __init__(self, simulation: Simulation, entity: Entity, config: Imu) -> None:
         self._simulation, self._entity, self._config = simulation, entity, config
         self._noise = simulation.noise(entity, config)
+        self._offset = Pose.from_rpy(0.0, 0.0, 0.0, *config.rpyOffset)
+        if config.initialOrientationAsReference:
+            pose, _ = link_motion(simulation, entity.name, config.bodyName)
+            self._reference = Pose(rotation=conjugate(pose.rotation))
+        else:
+            self._reference = IDENTITY
 
     def measure(self) -> tuple[Quaternion, Vector, Vector]:
-        """Returns rotation in the world, rates [rad/s], and the acceleration during the physics step [m/s²]."""
+        """Returns rotation, rates [rad/s], and the acceleration during the physics step [m/s²].
+
+        The rotation is in the world, or since the start with ``initialOrientationAsReference``. Rates and acceleration
+        are in the link's axes.
+        """
         simulation, config = self._simulation, self._config
         pose, velocity = link_motion(simulation, self._entity.name, config.bodyName)
         acceleration = simulation.acceleration(self._entity, config.bodyName)
@@ -45,7 +60,13 @@ class InertialUnit:
                 added(rates, (draws[0], draws[1], draws[2])),
                 added(felt, (draws[3], draws[4], draws[5])),
             )
-        return pose.rotation, rates, felt
+        return self._orientation(pose), rates, felt
+
+    def _orientation(self, pose: Pose) -> Quaternion:
+        if self._offset == IDENTITY and self._reference == IDENTITY:
+            return pose.rotation
+        since_start = self._reference.compose(Pose(rotation=pose.rotation))
+        return self._offset.compose(since_start).rotation
 
 
 class Receiver:
@@ -80,22 +101,33 @@ class Receiver:
 
 
 class Truth:
-    """Reports one link's pose and velocity, with the offsets and noise of its configuration."""
+    """Reports one link's pose and velocity, with the offsets and noise of its configuration.
+
+    Attributes:
+        reference: the link that they are relative to; None for the world.
+    """
 
     def __init__(self, simulation: Simulation, entity: Entity, config: GroundTruth) -> None:
         self._simulation, self._entity, self._config = simulation, entity, config
+        frame = config.frameName.lstrip("/")
+        is_link = frame not in WORLD_NAMES and frame in links_of(simulation, entity.name)
+        self.reference = frame if is_link else None
         self._part, at = entity.body.part_of(config.bodyName)
         self._is_base = self._part == 0 and at == IDENTITY
         self._offset = Pose.from_rpy(*config.xyzOffset, *config.rpyOffset)
         self._noise = simulation.noise(entity, config)
 
     def motion(self) -> tuple[Pose, Velocity]:
-        """Returns pose and velocity in the world."""
+        """Returns pose and velocity in the world, or relative to `reference` and in its axes."""
         simulation, entity = self._simulation, self._entity
         if self._is_base:
             pose, velocity = simulation.pose(entity), simulation.velocity(entity)
         else:
             pose, velocity = link_motion(simulation, entity.name, self._config.bodyName)
+        if self.reference is not None:
+            pose, velocity = seen_from(
+                pose, velocity, *link_motion(simulation, entity.name, self.reference)
+            )
         if self._config.gaussianNoise > 0:
             normals = self._noise.at(simulation.tick).standard_normal(6)
             draws: list[float] = (normals * self._config.gaussianNoise).tolist()

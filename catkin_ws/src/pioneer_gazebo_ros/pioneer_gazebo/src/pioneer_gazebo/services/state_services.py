@@ -171,7 +171,7 @@ class StateServices:
 
     def _moving(self, name: str) -> tuple[Entity, int]:
         """Returns entity and part of ``model::link``."""
-        model, link = state.split_name(_checked(name))
+        model, link = state.split_name(self._simulation, _checked(name))
         entity = self._simulation.entity(model)
         return entity, state.part_of(entity, link)[0]
 

@@ -15,7 +15,7 @@ from pioneer_gazebo.physics.engine import Physics
 from pioneer_gazebo.ros.mailbox import serve
 from pioneer_gazebo.ros.messages import pose_from_message, vector_from_message
 from pioneer_gazebo.simulation import state
-from pioneer_gazebo.simulation.schedule import TICK_RATE
+from pioneer_gazebo.simulation.schedule import TICK_RATE, nearest_step
 from pioneer_gazebo.timeline import StepError, Timeline
 from pioneer_gazebo.topics.robots import Robots
 from pioneer_gazebo.world.mesh import prepare
@@ -23,6 +23,9 @@ from pioneer_gazebo.world.pose import Pose
 from pioneer_gazebo.world.resource import model_path
 from pioneer_gazebo.world.sdf import world_from_sdf_text
 from pioneer_gazebo.world.urdf import robot_from_urdf
+
+LONGEST_STEP = 1.0
+"""Maximum physics step [s]."""
 
 STEP_PATIENCE = 30.0
 """Time limit of a step [s of wall time]; only nodes in lockstep can delay one."""
@@ -101,20 +104,24 @@ class WorldServices:
             raise ValueError(
                 f"max_update_rate must be 0 (as fast as possible) or more, not {request.max_update_rate}"
             )
-        if not (math.isfinite(request.time_step) and request.time_step > 0):
-            raise ValueError(f"time_step must be above 0, not {request.time_step}")
+        if not 0 < request.time_step <= LONGEST_STEP:
+            raise ValueError(
+                f"time_step must be above 0 and at most {LONGEST_STEP:g} s, not {request.time_step}"
+            )
         iterations = request.ode_config.sor_pgs_iters or self._simulation.physics.iterations
         gravity = vector_from_message(request.gravity)
-        # Steps are integer numbers of ticks: a step that was read and rounded by a caller must not change.
-        ticks = round(request.time_step * TICK_RATE)
-        step = (
-            ticks / TICK_RATE
-            if abs(ticks - request.time_step * TICK_RATE) < 1e-3 and ticks
-            else request.time_step
-        )
+        # Steps are whole numbers of ticks: a step that was read and rounded by a caller must not change.
+        step = nearest_step(request.time_step)
         self._simulation.configure(Physics(step, iterations, gravity))
-        self._timeline.set_factor(request.max_update_rate * step)
-        return "physics set"
+        if abs(step - request.time_step) * TICK_RATE < 1e-3:
+            self._timeline.set_factor(request.max_update_rate * step)
+            return "physics set"
+        # The caller's real-time factor remains what it asked for.
+        self._timeline.set_factor(request.max_update_rate * request.time_step)
+        return (
+            f"physics set; time_step is {step:.6g} s in place of {request.time_step:.6g} s:"
+            f" a step is a multiple of 1/{TICK_RATE} s"
+        )
 
     def _reset_world(self, _: EmptyRequest) -> None:
         self._simulation.reset_poses()

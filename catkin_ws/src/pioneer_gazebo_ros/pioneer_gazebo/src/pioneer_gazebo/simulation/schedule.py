@@ -33,6 +33,20 @@ def period_of(rate: float, what: str) -> int:
     return period
 
 
+def nearest_rate(rate: float) -> float:
+    """Returns the rate nearest to ``rate`` [Hz] that divides the tick rate."""
+    if not rate > 0:
+        raise RateError(f"a rate must be above 0 Hz, not {rate:g} Hz")
+    slower = math.ceil(TICK_RATE / rate) if rate > 1e-6 else TICK_RATE * 1_000_000
+    rates = [TICK_RATE / max(1, period) for period in (slower - 1, slower)]
+    return min(rates, key=lambda possible: abs(possible - rate))
+
+
+def nearest_step(step: float) -> float:
+    """Returns the multiple of a tick nearest to ``step`` [s], one tick at least."""
+    return max(1, round(step * TICK_RATE)) / TICK_RATE
+
+
 def nanoseconds(tick: int) -> int:
     """Returns the simulated time of a tick [ns]."""
     return tick * NANOSECONDS // TICK_RATE

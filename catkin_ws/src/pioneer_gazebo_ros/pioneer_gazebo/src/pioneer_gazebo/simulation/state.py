@@ -9,8 +9,17 @@ from pioneer_gazebo.world.pose import IDENTITY, Pose, added, opposite, rotated
 WORLD_NAMES = ("", "world", "map", "/map", "/world")
 
 
-def split_name(name: str) -> tuple[str, str]:
-    """Splits ``model::link`` into model and link; the link is empty if only a model is named."""
+def split_name(simulation: Simulation, name: str) -> tuple[str, str]:
+    """Splits ``model::link`` into model and link; the link is empty if only a model is named.
+
+    Names of models and links may contain ``::``, too: the longest beginning that names a model is the model.
+    """
+    names = set(simulation.names())
+    words = name.split("::")
+    for count in range(len(words), 0, -1):
+        model = "::".join(words[:count])
+        if model in names:
+            return model, "::".join(words[count:])
     model, _, link = name.partition("::")
     return model, link
 
@@ -65,12 +74,14 @@ def part_of(entity: Entity, link: str) -> tuple[int, Pose]:
 def motion(simulation: Simulation, name: str) -> tuple[Pose, Velocity]:
     """Returns pose and velocity of a model, of a link (``model::link``), or of the world itself.
 
+    A model that is called ``world`` or ``map`` cannot be used as a frame of reference.
+
     Raises:
         ModelError: there is no model or link of that name.
     """
     if name in WORLD_NAMES:
         return IDENTITY, STILL
-    return link_motion(simulation, *split_name(name))
+    return link_motion(simulation, *split_name(simulation, name))
 
 
 def relative(simulation: Simulation, name: str, reference: str) -> tuple[Pose, Velocity]:
@@ -79,8 +90,20 @@ def relative(simulation: Simulation, name: str, reference: str) -> tuple[Pose, V
     Raises:
         ModelError: there is no model or link of either name.
     """
-    pose, velocity = motion(simulation, name)
-    base, base_velocity = motion(simulation, reference)
+    if name in simulation.names():
+        pose, velocity = link_motion(simulation, name)
+    else:
+        pose, velocity = motion(simulation, name)
+    return seen_from(pose, velocity, *motion(simulation, reference))
+
+
+def seen_from(
+    pose: Pose, velocity: Velocity, base: Pose, base_velocity: Velocity
+) -> tuple[Pose, Velocity]:
+    """Returns pose and velocity in the axes of a frame ``base`` that moves with ``base_velocity``.
+
+    As in Gazebo, the difference of velocities leaves out the frame's rotation.
+    """
     linear = added(velocity.linear, opposite(base_velocity.linear))
     angular = added(velocity.angular, opposite(base_velocity.angular))
     return base.inverse().compose(pose), Velocity(linear, angular).seen_from(base.rotation)
@@ -94,7 +117,7 @@ def place(
     Raises:
         ModelError: there is no model or link of either name.
     """
-    model, link = split_name(name)
+    model, link = split_name(simulation, name)
     base, _ = motion(simulation, reference)
     wanted = base.compose(pose)
     if link:

@@ -9,18 +9,18 @@ from pioneer_gazebo.physics.engine import Velocity
 from pioneer_gazebo.ros.messages import POSE, TWIST, Stamped
 from pioneer_gazebo.world.pose import Pose
 
-POSE_COVARIANCE = (1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3)
-"""Covariance diagonal of the odometry of gazebo_ros' diff drive."""
-
 
 class OdometryTemplate(Stamped):
     """nav_msgs/Odometry with constant covariances."""
 
-    def __init__(self, frame: str, child_frame: str, covariance: Sequence[float]) -> None:
-        """Takes frame ids and the six diagonal values used for both covariances."""
+    def __init__(
+        self, frame: str, child_frame: str, pose: Sequence[float], twist: Sequence[float]
+    ) -> None:
+        """Takes frame ids and the six diagonal values of each covariance."""
         message = OdometryMessage()
         message.header.frame_id, message.child_frame_id = frame, child_frame
-        message.pose.covariance = message.twist.covariance = np.diag(covariance).ravel().tolist()
+        message.pose.covariance = np.diag(pose).ravel().tolist()
+        message.twist.covariance = np.diag(twist).ravel().tolist()
         super().__init__(message)
         self._pose = self.body_start + 4 + len(child_frame.encode())
         self._twist = self._pose + POSE.size + 36 * 8

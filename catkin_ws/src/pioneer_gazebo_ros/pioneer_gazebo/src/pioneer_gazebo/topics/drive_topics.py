@@ -13,7 +13,12 @@ from pioneer_gazebo.topics import drive_messages
 from pioneer_gazebo.topics.port import Port
 from pioneer_gazebo.topics.sensor_topics import joint_state_topics
 from pioneer_gazebo.world.pose import Pose, planar_pose
-from pioneer_gazebo.world.robot import DiffDrive, JointStatePublisher, PlanarMove
+from pioneer_gazebo.world.robot import (
+    ODOMETRY_COVARIANCE,
+    DiffDrive,
+    JointStatePublisher,
+    PlanarMove,
+)
 
 
 def _wheel_transforms(port: Port, driven: Driven) -> None:
@@ -55,7 +60,10 @@ def odometry_topics(
     """Publishes ``motion`` on ``odometryTopic`` (Odometry) at ``rate`` [Hz] and, if ``tf``, its transform."""
     transforms, topic = port.context.transforms, port.topic(config.odometryTopic, Odometry)
     odom, base = port.frame(config.odometryFrame), port.frame(config.robotBaseFrame)
-    template = drive_messages.OdometryTemplate(odom, base, drive_messages.POSE_COVARIANCE)
+    diagonals = (ODOMETRY_COVARIANCE, ODOMETRY_COVARIANCE)
+    if isinstance(config, DiffDrive):
+        diagonals = (config.poseCovariance, config.twistCovariance)
+    template = drive_messages.OdometryTemplate(odom, base, *diagonals)
     transform = messages.TransformTemplate(odom, base)
 
     def publish(tick: int) -> None:

@@ -7,12 +7,19 @@ from typing import Any
 import rospy
 from std_msgs.msg import UInt32
 
-from pioneer_gazebo.ros.topic import Topic, TransformTopic, publish_while_alive
+from pioneer_gazebo.error import TopicError
+from pioneer_gazebo.ros.topic import (
+    SilentTopic,
+    Topic,
+    TransformTopic,
+    check_type,
+    publish_while_alive,
+)
 from pioneer_gazebo.sensors.tiny_renderer import TinyRenderer
 from pioneer_gazebo.simulation.command import Moment
 from pioneer_gazebo.simulation.drive import CommandError
 from pioneer_gazebo.simulation.entity import Entity
-from pioneer_gazebo.simulation.schedule import Schedule, Task, nanoseconds
+from pioneer_gazebo.simulation.schedule import RateError, Schedule, Task, nanoseconds, nearest_rate
 from pioneer_gazebo.simulation.simulation import Simulation
 from pioneer_gazebo.timeline import Budget
 from pioneer_node.core.frame import resolved
@@ -44,6 +51,7 @@ class Port:
         self.context, self.entity, self.simulation = context, entity, context.simulation
         self.on_reset: list[Callable[[], None]] = []  #: called when simulated time restarts
         self._collisions: rospy.Publisher | None = None
+        self._has_collisions = False  # whether the topic was advertised, or warned about
         self._base = f"/{entity.namespace}" if entity.namespace else ""
         self._prefix = _tf_prefix(self._base)
         self._tasks: list[Task] = []
@@ -59,13 +67,23 @@ class Port:
         return resolved(self._prefix, frame)
 
     def topic(self, name: str, message_class: type) -> Topic:
-        """Advertises a topic of serialised frames."""
-        topic = Topic(self.name(name), message_class, self.context.schedule.review)
+        """Advertises a topic of serialised frames; a silent one, with a warning, if it has another type already."""
+        topic: Topic
+        try:
+            topic = Topic(self.name(name), message_class, self.context.schedule.review)
+        except TopicError as error:
+            rospy.logwarn("%s: %s", self.entity.name, error)
+            topic = SilentTopic()
         self._topics.append(topic)
         return topic
 
-    def latched(self, name: str, message: Any) -> rospy.Publisher:
-        """Advertises a latched topic with its first message."""
+    def latched(self, name: str, message: Any) -> rospy.Publisher | None:
+        """Advertises a latched topic with its first message; None, with a warning, if it has another type already."""
+        try:
+            check_type(self.name(name), type(message))
+        except TopicError as error:
+            rospy.logwarn("%s: %s", self.entity.name, error)
+            return None
         publisher = rospy.Publisher(self.name(name), type(message), latch=True, queue_size=1)
         self._connections.append(publisher)
         publish_while_alive(publisher, message)
@@ -107,8 +125,7 @@ class Port:
             transforms: whether it also publishes transforms.
             always: whether it also runs without subscribers.
 
-        Raises:
-            RateError: the rate does not divide the tick rate.
+        A rate that does not divide the tick rate is replaced by the nearest one that does, with a warning.
         """
 
         def wanted() -> bool:
@@ -119,9 +136,14 @@ class Port:
             )
 
         rate = rate if rate > 0 else 1.0 / self.simulation.physics.step
-        self._tasks.append(
-            self.context.schedule.add(f"{self.entity.name}: {what}", rate, action, wanted)
-        )
+        owner = f"{self.entity.name}: {what}"
+        try:
+            task = self.context.schedule.add(owner, rate, action, wanted)
+        except RateError:
+            possible = nearest_rate(rate)
+            rospy.logwarn("%s: %.6g Hz in place of %.6g Hz", owner, possible, rate)
+            task = self.context.schedule.add(owner, possible, action, wanted)
+        self._tasks.append(task)
 
     def stream(
         self, name: str, message_class: type, rate: float, frame: Callable[[int], bytes | bytearray]
@@ -133,9 +155,10 @@ class Port:
     def publish_collisions(self) -> None:
         """Publishes on ``collisions`` (std_msgs/UInt32, latched) how many there were since the robot was spawned."""
         count = UInt32(self.entity.collisions.count)
-        if self._collisions is None:
+        if not self._has_collisions:
+            self._has_collisions = True
             self._collisions = self.latched("collisions", count)
-        else:
+        elif self._collisions is not None:
             publish_while_alive(self._collisions, count)
 
     def reset(self) -> None:

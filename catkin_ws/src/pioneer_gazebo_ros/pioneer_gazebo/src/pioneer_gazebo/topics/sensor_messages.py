@@ -125,5 +125,5 @@ def info_of(config: Camera) -> CameraInfo:
         D=[0.0] * 5,
         K=matrix,
         R=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-        P=[*matrix[:3], 0.0, *matrix[3:6], 0.0, *matrix[6:], 0.0],
+        P=[*matrix[:3], -lens.focal * config.hack_baseline, *matrix[3:6], 0.0, *matrix[6:], 0.0],
     )

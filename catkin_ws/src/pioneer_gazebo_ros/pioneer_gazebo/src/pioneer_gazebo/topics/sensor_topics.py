@@ -70,12 +70,13 @@ def sonar_topics(port: Port, config: SonarSensor) -> None:
 
 
 def truth_topics(port: Port, config: GroundTruth) -> None:
-    """Publishes a link's true pose and velocity (Odometry)."""
+    """Publishes a link's true pose and velocity (Odometry), in the world or relative to another link."""
     variance = [config.gaussianNoise**2] * 6
-    template = drive_messages.OdometryTemplate(
-        stripped(config.frameName), port.frame(config.bodyName), variance
-    )
     truth = Truth(port.simulation, port.entity, config)
+    frame = stripped(config.frameName) if truth.reference is None else port.frame(truth.reference)
+    template = drive_messages.OdometryTemplate(
+        frame, port.frame(config.bodyName), variance, variance
+    )
     port.stream(
         config.topicName,
         Odometry,
@@ -99,7 +100,7 @@ def joint_state_topics(port: Port, config: JointStatePublisher) -> None:
 
 
 def bumper_topics(port: Port, config: Bumper) -> None:
-    """Publishes a link's contacts (ContactsState) while there are any."""
+    """Publishes a link's contacts (ContactsState), also that there are none."""
     topic = port.topic(config.bumperTopicName, ContactsState)
     part, _ = port.entity.body.part_of(config.link)
     own = f"{port.entity.name}::{config.link}::{config.collision or config.link}"
@@ -111,11 +112,8 @@ def bumper_topics(port: Port, config: Bumper) -> None:
             for one in port.simulation.contacts(port.entity)
             if one.part == part and one.force > 0
         ]
-        if contacts:
-            message = ContactsState(states=[state(one) for one in contacts])
-            topic.send(
-                messages.stamped_frame(message, nanoseconds(tick), stripped(config.frameName))
-            )
+        message = ContactsState(states=[state(one) for one in contacts])
+        topic.send(messages.stamped_frame(message, nanoseconds(tick), stripped(config.frameName)))
 
     port.every(config.update_rate, config.bumperTopicName, publish, topic)
 

@@ -26,7 +26,7 @@ Config = TypeVar("Config")
 QUIET = {"alwaysOn", "always_on", "rosDebugLevel", "robotNamespace", "robotParam", "robotSimType"}
 """Plugin elements that are read elsewhere or have no effect here."""
 
-ALIASES = {"torque": "wheelTorque", "jointNames": "jointName"}
+ALIASES = {"torque": "wheelTorque", "jointNames": "jointName", "rpyOffsets": "rpyOffset"}
 """Spellings used by other releases of the plugins."""
 
 
@@ -80,7 +80,7 @@ def filled(
     given["name"] = element.attribute("name", library_of(element))
     for child in element.children():
         tag = ALIASES.get(child.tag, child.tag)
-        if tag in hints:
+        if tag in hints and hints[tag] in _READERS:
             given[tag] = _READERS[hints[tag]](child)
         elif tag not in QUIET and tag not in known:
             near = difflib.get_close_matches(tag, hints, n=1)
@@ -138,12 +138,21 @@ def _drive(element: Element, names: Names, notes: Notes) -> DiffDrive:
     return _checked_drive(element, names, filled(DiffDrive, element, notes))
 
 
+_SKID_COVARIANCE = {"x": 0.0001, "y": 0.0001, "yaw": 0.01}
+"""The defaults of gazebo_ros' skid steer drive."""
+
+
 def _skid_steer(element: Element, names: Names, notes: Notes) -> DiffDrive:
     """Reads a four-wheel skid-steer drive; as in gazebo_ros, its odometry is the true pose."""
     joints: dict[str, Any] = {
         f"{side}Joint": element.word(f"{side}FrontJoint", f"{side}FrontJoint") for side in SIDES
     }
     joints |= {f"{side}RearJoint": (f"{side}RearJoint",) for side in SIDES}
+    variances = [
+        element.number(f"covariance_{axis}", default) for axis, default in _SKID_COVARIANCE.items()
+    ]
+    x, y, yaw = variances
+    covariance = (x, y, 1e12, 1e12, 1e12, yaw)
     known = {
         "leftFrontJoint",
         "rightFrontJoint",
@@ -154,7 +163,11 @@ def _skid_steer(element: Element, names: Names, notes: Notes) -> DiffDrive:
     }
     drive = filled(DiffDrive, element, notes, known, **joints)
     drive = dataclasses.replace(
-        drive, publishOdomTF=element.flag("broadcastTF", True), odometrySource="world"
+        drive,
+        publishOdomTF=element.flag("broadcastTF", True),
+        odometrySource="world",
+        poseCovariance=covariance,
+        twistCovariance=covariance,
     )
     return _checked_drive(element, names, drive)
 
@@ -196,6 +209,16 @@ def _base_driver(element: Element, names: Names, notes: Notes) -> BaseDriver:
     return base
 
 
+def _truth(element: Element, names: Names, notes: Notes) -> GroundTruth:
+    truth: GroundTruth = _plain(GroundTruth, element, names, notes)
+    if truth.frameName.lstrip("/") not in ("map", "world", *names.links):
+        element.note(
+            notes,
+            f"frameName {truth.frameName!r} is no link of the robot: poses in that frame are those in the world",
+        )
+    return truth
+
+
 def _imu(element: Element, names: Names, notes: Notes) -> Imu:
     return imu_of(element, element.needed("bodyName").text, names, notes)
 
@@ -207,7 +230,7 @@ def imu_of(element: Element, link: str, names: Names | None, notes: Notes) -> Im
     frame = element.word("frameName", element.word("frameId", link))
     rate = element.number("updateRateHZ", element.number("updateRate", 0.0))
     given = {"bodyName": link, "frame": frame, "updateRate": rate}
-    known = {"frameName", "frameId", "updateRateHZ", "serviceName", "initialOrientationAsReference"}
+    known = {"frameName", "frameId", "updateRateHZ", "serviceName"}
     return dataclasses.replace(
         filled(Imu, element, notes, known, **given), bodyName=link, updateRate=rate
     )
@@ -223,7 +246,7 @@ _PLUGINS: dict[str, Callable[[Element, Names, Notes], Device]] = {
     "gazebo_ros_imu": _imu,
     "hector_gazebo_ros_imu": _imu,
     "hector_gazebo_ros_gps": partial(_plain, Gps),
-    "gazebo_ros_p3d": partial(_plain, GroundTruth),
+    "gazebo_ros_p3d": _truth,
     "gazebo_ros_joint_state_publisher": partial(_plain, JointStatePublisher),
     "pioneer_base_driver": _base_driver,
 }

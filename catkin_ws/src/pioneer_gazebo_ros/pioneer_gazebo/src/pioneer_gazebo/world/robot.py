@@ -44,6 +44,9 @@ class Imu:
     frame: str = ""  #: ``frame_id``, without the tf prefix
     updateRate: float = 0.0  #: [Hz]; 0 for every step
     gaussianNoise: float = 0.0  #: standard deviation of rates [rad/s] and accelerations [m/s²]
+    #: whether the orientation is relative to the one at the start
+    initialOrientationAsReference: bool = False
+    rpyOffset: Vector = (0.0, 0.0, 0.0)  #: rotation added to the reported orientation [rad]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +81,12 @@ class Limits:
 
 
 NO_LIMITS = Limits()
+
+Diagonal = tuple[float, float, float, float, float, float]
+"""The six values on the diagonal of a covariance matrix."""
+
+ODOMETRY_COVARIANCE: Diagonal = (1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3)
+"""Covariance diagonal of the odometry of gazebo_ros' diff drive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +124,9 @@ class DiffDrive:
     rightRearJoint: tuple[str, ...] = ()
     speedLimits: Limits = NO_LIMITS  #: of the commanded speed, as in ``diff_drive_controller``; likewise ``turnLimits``
     turnLimits: Limits = NO_LIMITS
+    #: diagonals of the odometry's covariances: x, y, z, roll, pitch, yaw, in m² and rad²
+    poseCovariance: Diagonal = ODOMETRY_COVARIANCE
+    twistCovariance: Diagonal = ODOMETRY_COVARIANCE
 
     def joints(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Returns the names of the joints called left and of those called right."""
@@ -172,6 +184,9 @@ class Camera(LinkSensor):
     noise_stddev: float = 0.0  #: Gaussian, of pixel values in 0 … 1
     image_topic: str = "image_raw"  #: relative to ``name``, like the other topics
     info_topic: str = "camera_info"
+    hack_baseline: float = (
+        0.0  #: distance to the left camera of a stereo pair [m], in ``camera_info``
+    )
     depth_topic: str = ""  #: topic of the depth image [m]; empty for none
     cloud_topic: str = ""  #: topic of the depth image as points; empty for none
 
@@ -183,7 +198,8 @@ class GroundTruth:
     name: str
     bodyName: str  #: the link
     topicName: str = "base_pose_ground_truth"  #: relative to the robot's namespace
-    frameName: str = "map"  #: ``frame_id``; both ``map`` and ``world`` mean the world's origin
+    #: ``frame_id``: the link that pose and velocity are relative to; ``map`` and ``world`` mean the world's origin
+    frameName: str = "map"
     updateRate: float = 10.0  #: [Hz]; 0 for every step
     gaussianNoise: float = 0.0  #: standard deviation of the velocities, as in the plugin
     xyzOffset: Vector = (0.0, 0.0, 0.0)  #: added to the position [m]

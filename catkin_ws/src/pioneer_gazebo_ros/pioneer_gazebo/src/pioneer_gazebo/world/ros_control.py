@@ -8,7 +8,9 @@ from typing import Any
 from pioneer_gazebo.error import DescriptionError
 from pioneer_gazebo.world.model import Cylinder, Link, Model, Sphere
 from pioneer_gazebo.world.robot import (
+    ODOMETRY_COVARIANCE,
     Device,
+    Diagonal,
     DiffDrive,
     JointStatePublisher,
     Limits,
@@ -21,7 +23,7 @@ DIFF_DRIVE, JOINT_STATES = (
     "joint_state_controller/JointStateController",
 )
 WITHOUT_EFFECT = {
-    "type", "pose_covariance_diagonal", "twist_covariance_diagonal", "velocity_rolling_window_size", "open_loop",
+    "type", "velocity_rolling_window_size", "open_loop",
     "estimate_velocity_from_position", "allow_multiple_cmd_vel_publishers", "publish_cmd",
 }  # fmt: skip
 STRONGEST = 100.0
@@ -115,6 +117,16 @@ class _Settings:
             self.notes.append(f"{inner.name}/has_jerk_limits is not supported and ignored")
         return Limits(*bounds)
 
+    def diagonal(self, key: str) -> Diagonal:
+        """Returns the diagonal of a covariance matrix; one that is invalid is noted and left out."""
+        values = self.get(key, ODOMETRY_COVARIANCE)
+        try:
+            x, y, z, roll, pitch, yaw = map(float, values)
+        except (TypeError, ValueError):
+            self.notes.append(f"{self.name}/{key} is ignored: it must be 6 numbers, not {values!r}")
+            return ODOMETRY_COVARIANCE
+        return x, y, z, roll, pitch, yaw
+
     def note_unread(self) -> None:
         for key in sorted(set(self.values) - self._read):
             self.notes.append(f"{self.name}/{key} is not supported and ignored")
@@ -157,6 +169,8 @@ def _diff_drive(settings: _Settings, owner: Robot | Model) -> DiffDrive:
         legacyMode="false",
         speedLimits=settings.limits("linear", "x"),
         turnLimits=settings.limits("angular", "z"),
+        poseCovariance=settings.diagonal("pose_covariance_diagonal"),
+        twistCovariance=settings.diagonal("twist_covariance_diagonal"),
     )
     if each[0] != each[1]:
         settings.notes.append(

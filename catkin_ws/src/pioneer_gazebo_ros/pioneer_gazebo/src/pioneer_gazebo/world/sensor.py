@@ -28,6 +28,11 @@ READ = {
     "focalLength", "baseline",
 }  # fmt: skip
 """Elements of sensor plugins that are read or have no effect here; images have no distortion."""
+_LENS = {
+    "distortionK1", "distortionK2", "distortionK3", "distortionT1", "distortionT2", "Cx", "CxPrime", "Cy",
+    "focalLength",
+}  # fmt: skip
+"""Elements of camera plugins that have no effect here unless they are 0."""
 DEPTH_PLUGINS = ("gazebo_ros_depth_camera", "gazebo_ros_openni_kinect")
 PIXEL_FORMATS = ("R8G8B8", "B8G8R8", "L8", "RGB_INT8", "BGR_INT8", "L_INT8")
 
@@ -58,6 +63,11 @@ def read_sensor(element: Element, link: str, notes: Notes) -> list[Device]:
         notes.add(f"sensor plugin lib{library_of(plugin)}.so is not supported and ignored")
         return []
     note_unread(plugin, READ, notes)
+    for child in plugin.children():
+        if child.tag in _LENS and child.text not in ("", "0", "0.0"):
+            child.note(
+                notes, "is ignored: images have no distortion, and the lens is that of <camera>"
+            )
     return [reader(element, plugin, link)]
 
 
@@ -153,6 +163,7 @@ def _camera(element: Element, plugin: Element, link: str) -> Camera:
         noise_stddev=camera.number("noise/stddev", 0.0),
         image_topic=plugin.word("imageTopicName", "image_raw"),
         info_topic=plugin.word("cameraInfoTopicName", "camera_info"),
+        hack_baseline=plugin.number("hackBaseline", 0.0),
         frame=plugin.word("frameName", link),
         **_depth_topics(element, plugin),
     )
