@@ -199,6 +199,21 @@ def test_a_static_layer_that_is_toggled_keeps_its_map_and_a_disabled_one_rules_o
     assert costmap.goal_fault(Pose(0.5, 0.5)) != ""
 
 
+def test_a_layer_with_first_map_only_keeps_its_first_map() -> None:
+    """The parameter was accepted and had no effect."""
+    first_only = replace(STATIC, first_map_only=True)
+    costmap = Costmap(replace(MAPPED, layers=(first_only, SENSING, NO_GO)))
+    assert costmap.takes_map("map")
+    costmap.set_map(ROOM, "map")
+    costmap.set_map(KEEP_OUT, "no_go")
+    assert not costmap.takes_map("map")
+    assert costmap.takes_map("no_go")
+    costmap.set_map(OTHER_ROOM, "map")
+    costmap.update(Pose(1.5, 1.5), ())
+    assert (costmap.geometry.rows, costmap.geometry.cols) == (4, 4)
+    assert cost_at(costmap, 0.5, 3.5) == LETHAL
+
+
 def test_the_same_map_again_keeps_what_sensors_have_seen() -> None:
     costmap = Costmap(replace(MAPPED, layers=(STATIC, SENSING)))
     costmap.set_map(ROOM)

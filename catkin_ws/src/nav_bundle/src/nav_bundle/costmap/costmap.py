@@ -117,14 +117,19 @@ class Costmap:
         """True once every enabled static layer has its map."""
         return not self.missing_maps()
 
+    def takes_map(self, topic: str) -> bool:
+        """Returns whether a static layer takes a map from ``topic``: it has none yet, or not ``first_map_only``."""
+        layers = self._static.values()
+        return any(layer.takes_map for layer in layers if layer.config.map_topic == topic)
+
     def set_map(self, grid: Grid, topic: str | None = None) -> None:
-        """Sets the map of the static layers that read ``topic``; None: of all.
+        """Sets the map of the static layers that take one from ``topic``; None: of all.
 
         A costmap that does not roll takes size and resolution of the first static layer's map. It drops its obstacles
         only if that changes them.
         """
         for layer in self._static.values():
-            if topic is None or layer.config.map_topic == topic:
+            if layer.takes_map and (topic is None or layer.config.map_topic == topic):
                 layer.set_map(grid)
         geometry = self._map_geometry()
         if self.config.rolling_window or geometry is None:

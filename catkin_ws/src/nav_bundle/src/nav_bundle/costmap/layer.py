@@ -93,6 +93,11 @@ class StaticLayer:
             config.unknown_cost_value,
         )
 
+    @property
+    def takes_map(self) -> bool:
+        """Whether another map replaces this one; with ``first_map_only`` only the first one counts."""
+        return self.place is None or not self.config.first_map_only
+
     def set_map(self, grid: Grid) -> None:
         """Sets the map; resamples a rotated map into the smallest axis-aligned grid that contains it."""
         costs = self._costs[grid.cells.view(np.uint8)]

@@ -82,7 +82,7 @@ class CostmapNode:
         self.base_frame = robot_frame(config.robot_base_frame)
         self._config, self._listener = config, listener
         listener.listen(self.frame, self.base_frame)
-        self._new_maps: dict[str, Grid] = {}  # by the topic in the parameters
+        self._new_maps: dict[str, _NewMap] = {}  # by the topic in the parameters
         self._map_frames: dict[str, str] = {}
         self._scans: dict[tuple[str, str], Newest[Seen]] = {}
         self._others: tuple[FleetConfig, ...] = ()
@@ -159,8 +159,9 @@ class CostmapNode:
         except NavigationError as error:
             rospy.logerr("%s: %s", rospy.resolve_name(_resolvable(topic)), error)
             return
-        self._map_frames[topic] = costmap_frame(message.header.frame_id or _WORLD_FRAME)
-        self._new_maps[topic] = grid
+        self._new_maps[topic] = _NewMap(
+            grid, costmap_frame(message.header.frame_id or _WORLD_FRAME)
+        )
 
     def _missing_maps(self) -> list[str]:
         """Returns the topics of the maps that enabled layers still wait for."""
@@ -230,8 +231,10 @@ class CostmapNode:
         Returns whether it was updated.
         """
         while self._new_maps:
-            topic, grid = self._new_maps.popitem()
-            self.costmap.set_map(grid, topic)
+            topic, new = self._new_maps.popitem()
+            if self.costmap.takes_map(topic):
+                self._map_frames[topic] = new.frame
+                self.costmap.set_map(new.grid, topic)
         due = (
             now - self._updated >= 1.0 / self._config.update_frequency - 1.0e-6
             or now < self._updated
@@ -387,6 +390,13 @@ class _NewListener(rospy.SubscribeListener):  # type: ignore[misc]
     def peer_subscribe(self, *_: object) -> None:
         """Sets the flag; the owner's loop publishes."""
         self.arrived = True
+
+
+class _NewMap(NamedTuple):
+    """A map that has arrived since the last update."""
+
+    grid: Grid
+    frame: str  #: the tf name of its frame
 
 
 class _Input(NamedTuple):
