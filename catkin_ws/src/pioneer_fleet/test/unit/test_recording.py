@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 from mcap_ros1.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import String
@@ -117,3 +118,58 @@ def test_a_file_that_is_no_recording_is_named(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(b"nothing")
         with pytest.raises(RecordingError, match=f"{name} is not a complete"):
             next(messages_of(tmp_path / name))
+
+
+@pytest.mark.parametrize("suffix", ["mcap", "bag"])
+def test_a_full_disk_is_named_in_one_line(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"run.{suffix}"
+    path.symlink_to("/dev/full")
+    with Master() as master, ProcessGroup() as group:
+        group.start("talker", [sys.executable, "-c", TALK, "x"], master.environment)
+        environment = {**master.environment, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        words = module("pioneer_fleet.recording.recorder", path, f"one={master.uri}")
+        recorder = subprocess.Popen(words, env=environment, stderr=subprocess.PIPE, text=True)
+        wait_until(
+            lambda: recorder.poll() is not None or receives(master, "/fleet_recorder"),
+            "the recorder's connection",
+            START,
+        )
+        recorder.send_signal(signal.SIGINT)
+        _, said = recorder.communicate(timeout=START)
+    assert recorder.returncode == 1
+    assert said.count("\n") == 1
+    assert said.startswith(f"cannot write {path} after ")
+    assert said.endswith("No space left on device\n")
+
+
+def test_a_definition_that_is_not_utf8_is_passed_on_with_one_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "foreign.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros1", "another program")
+        schema = writer.register_schema("std_msgs/String", "ros1msg", b"string data # gr\xfc\xdfe")
+        channel = writer.register_channel("/words", "ros1", schema)
+        for time in range(3):
+            writer.add_message(channel, time, b"\x01\0\0\0x", time)
+        writer.finish()
+    assert [message.data for message in messages_of(path)] == [b"\x01\0\0\0x"] * 3
+    assert [record.getMessage() for record in caplog.records] == [
+        "/words: the definition of std_msgs/String is not UTF-8 (invalid start byte at byte 16) "
+        "and is passed on with replacement characters"
+    ]
+
+
+def test_a_name_that_is_not_utf8_is_refused_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "foreign.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros1", "another program")
+        schema = writer.register_schema("std_msgs/String", "ros1msg", b"")
+        channel = writer.register_channel("/wordsXX", "ros1", schema)
+        writer.add_message(channel, 0, b"", 0)
+        writer.finish()
+    path.write_bytes(path.read_bytes().replace(b"/wordsXX", b"/words\xff\xff"))
+    with pytest.raises(RecordingError, match="utf-8"):
+        list(messages_of(path))

@@ -4,6 +4,7 @@ Each message is recorded once, on the master of the node that publishes it, not 
 prefixed with the name of their master: ``/aadi1/pioneer1/amcl_pose``. Messages are written in serialised form.
 """
 
+import os
 import queue
 import signal
 import sys
@@ -11,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from pioneer_fleet.recording.recording import BagFile, Kind, McapFile, Message
 from pioneer_node.adapters.end_request import EndRequest
@@ -182,7 +184,10 @@ class Recorder:
 def main(words: Sequence[str]) -> int:
     """Records until SIGINT or SIGTERM; returns the exit status."""
     path, *masters = words
-    recorder = Recorder(Path(path), dict(word.split("=", 1) for word in masters))
+    try:
+        recorder = Recorder(Path(path), dict(word.split("=", 1) for word in masters))
+    except OSError as error:
+        _failed(path, 0, error)
     ending = EndRequest()
     ending.take_signals(signal.SIGINT, signal.SIGTERM)
 
@@ -191,9 +196,20 @@ def main(words: Sequence[str]) -> int:
         recorder.end()
 
     threading.Thread(target=end_when_asked, name="end", daemon=True).start()
-    recorder.run()
+    try:
+        recorder.run()
+    except OSError as error:
+        _failed(path, recorder.written, error)
     sys.stdout.write(f"{path}: {recorder.written} messages, {recorder.dropped} dropped\n")
     return 0
+
+
+def _failed(path: str, written: int, error: OSError) -> NoReturn:
+    """Reports why the recording ends, such as a full disk, and ends the process with status 1."""
+    sys.stderr.write(f"cannot write {path} after {written} messages: {error.strerror or error}\n")
+    sys.stderr.flush()
+    # At once: the file, closed at the interpreter's end, would be written to again.
+    os._exit(1)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,16 @@
 """Reads and writes recordings: serialised messages in MCAP files (``.mcap``) or ROS 1 bags (``.bag``)."""
 
 import contextlib
+import logging
 import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from pioneer_fleet.printable import printable
+
 _ENCODING = "ros1msg"
+_LOGGER = logging.getLogger("rosout")
 
 
 class Kind(NamedTuple):
@@ -161,36 +165,58 @@ def _mcap(path: Path) -> Iterator[Any]:
     try:
         with path.open("rb") as file:
             yield make_reader(file)
-    except (McapError, struct.error) as error:
+    except (McapError, struct.error, UnicodeDecodeError) as error:
         raise RecordingError(f"{path} is not a complete MCAP file: {error}") from None
 
 
 def _messages(rows: Iterable[tuple[Any, Any, Any]]) -> Iterator[Message]:
+    kinds: dict[tuple[int, int], Kind] = {}
     for schema, channel, message in rows:
-        if schema is not None and schema.encoding == _ENCODING:
+        if schema is None or schema.encoding != _ENCODING:
+            continue
+        key = (schema.id, channel.id)
+        if key not in kinds:
             about: Mapping[str, str] = channel.metadata
-            kind = Kind(
-                schema.name,
-                about.get("md5sum", "*"),
-                schema.data.decode(),
-                about.get("latching") == "1",
+            kinds[key] = Kind(
+                type=schema.name,
+                md5sum=about.get("md5sum", "*"),
+                definition=_definition(schema.data, schema.name, channel.topic),
+                latching=about.get("latching") == "1",
             )
-            yield Message(channel.topic, kind, message.log_time, message.data)
+        yield Message(channel.topic, kinds[key], message.log_time, message.data)
+
+
+def _definition(data: bytes, name: str, topic: str) -> str:
+    """Returns a schema's text. The messages can be played without it, so invalid bytes are replaced with a warning."""
+    try:
+        return data.decode()
+    except UnicodeDecodeError as error:
+        _LOGGER.warning(
+            "%s: the definition of %s is not UTF-8 (%s at byte %d) and is passed on with replacement characters",
+            printable(topic, ""),
+            printable(name, ""),
+            error.reason,
+            error.start,
+        )
+        return data.decode(errors="replace")
 
 
 def _of_bag(path: Path) -> Iterator[Message]:
     import rosbag
 
+    kinds: dict[tuple[str, str, bool], Kind] = {}
     try:
         with rosbag.Bag(str(path)) as bag:
             for topic, raw, time, header in bag.read_messages(
                 raw=True, return_connection_header=True
             ):
-                text = {
-                    key: value.decode() if isinstance(value, bytes) else value
-                    for key, value in header.items()
-                }
-                kind = Kind(raw[0], raw[2], text["message_definition"], text.get("latching") == "1")
-                yield Message(topic, kind, time.to_nsec(), raw[1])
-    except rosbag.ROSBagException as error:
+                latching = header.get("latching") in (b"1", "1")
+                key = (topic, raw[2], latching)
+                if key not in kinds:
+                    definition = header.get("message_definition", b"")
+                    if isinstance(definition, bytes):
+                        definition = _definition(definition, raw[0], topic)
+                    kinds[key] = Kind(raw[0], raw[2], definition, latching)
+                yield Message(topic, kinds[key], time.to_nsec(), raw[1])
+    except (rosbag.ROSBagException, UnicodeDecodeError) as error:
         raise RecordingError(f"{path} is not a complete bag: {error}") from None
