@@ -276,7 +276,7 @@ stamp_sections() {
 workspace_read() {
   find "$workspace/src" -type d -name __pycache__ -prune -o \( -name CMakeLists.txt -o -name package.xml -o -name setup.py \
     -o -name '*.msg' -o -name '*.srv' -o -name '*.action' -o -name '*.cfg' -o -name '*.cmake*' -o -name '*_kernel.py' \
-    -o -path '*/kernels/*.py' -o -path '*/pioneer_kernels/*.py' \) -type f "$@"
+    -o -path '*/pioneer_kernels/*.py' \) -type f "$@"
 }
 
 # workspace_listed TEST...: lists the files of which only the existence matters to the build.

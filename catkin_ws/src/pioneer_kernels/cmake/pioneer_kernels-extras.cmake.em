@@ -27,14 +27,12 @@ endfunction()
 
 # Compiles every kernel module of the calling package, <noun>_kernel.py anywhere below src/<project>, into the extension
 # <project>._<noun>, importable without numba. A kernel module marks what it exports with pioneer_kernels' kernel decorator.
-# The nouns of a package differ, also between folders. Modules kernels/<noun>.py are kernel modules, too.
+# The nouns of a package differ, also between folders.
 function(pioneer_compile_kernels)
   set(package_dir "${CMAKE_CURRENT_SOURCE_DIR}/src/${PROJECT_NAME}")
   set(output_dir "${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_PYTHON_DESTINATION}/${PROJECT_NAME}")
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS "${package_dir}/*_kernel.py")
-  file(GLOB in_folder CONFIGURE_DEPENDS "${package_dir}/kernels/*.py")
-  list(FILTER in_folder EXCLUDE REGEX "/__init__\\.py$")
-  foreach(source ${sources} ${in_folder})
+  foreach(source ${sources})
     get_filename_component(noun "${source}" NAME_WE)
     string(REGEX REPLACE "_kernel$" "" noun "${noun}")
     file(RELATIVE_PATH module "${CMAKE_CURRENT_SOURCE_DIR}/src" "${source}")
