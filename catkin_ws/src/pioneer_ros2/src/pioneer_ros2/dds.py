@@ -25,6 +25,7 @@ from cyclonedds.core import (
 )
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import IdlStruct, make_idl_struct, types
+from cyclonedds.internal import DDS
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
@@ -64,6 +65,8 @@ _DEPTH = 10
 _LONGEST_WAIT = 0.001
 """A reliable writer waits so long for a reader whose buffers are full, then the sample is dropped [s]."""
 _MOST_TAKEN = 64
+_ONLY_FATAL = 1
+"""Cyclone's log category that reaches standard error."""
 _GRAPH = "ros_discovery_info"
 _GRAPH_TYPE = "rmw_dds_common/ParticipantEntitiesInfo"
 _ANY_STATE = SampleState.Any | ViewState.Any | InstanceState.Any
@@ -309,6 +312,9 @@ class Participant:
         self._node = node
         self._topics: dict[tuple[str, str], Topic[Any]] = {}
         self._domain: Domain | None = None
+        # Warnings are of every type description of Fast DDS that Cyclone cannot read, see matching.py; errors of every
+        # packet to an address that a peer announced and then lost. What matters comes as a return code.
+        DDS._dll_handle.dds_set_log_mask(_ONLY_FATAL)
         chosen = configuration(os.environ)
         if chosen is not None:
             self._domain = Domain(number, chosen)

@@ -75,6 +75,17 @@ class MessageTypes:
         text, md5sum = self._ros1.generate_msgdef(ros2_type(type_name), ros_version=1)
         return Ros1Kind(type_name, md5sum, text)
 
+    def leading_frames(self, type_name: str) -> int:
+        """Returns how many frames messages of the type ``package/Name`` begin with in ROS 1: 0 without a Header.
+
+        2 if a field ``child_frame_id`` follows the Header. The type must be known, see `converter`.
+        """
+        fields = self._ros1.fielddefs[ros2_type(type_name)][1]
+        if not fields or fields[0][1] != (_NAME, _HEADER):
+            return 0
+        has_child = len(fields) > 1 and fields[1][0] == "child_frame_id"
+        return 2 if has_child else 1
+
     def converter(self, type_name: str, definition: str = "") -> Converter:
         """Returns the converter of messages of type ``package/Name``.
 

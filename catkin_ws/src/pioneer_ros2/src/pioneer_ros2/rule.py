@@ -7,6 +7,8 @@ r"""What crosses between ROS 1 and ROS 2: rules with patterns, from a YAML file.
         ros2: /\1/scan                     # its name in ROS 2, with groups of the pattern; default: the same
         qos: sensor                        # sensor, reliable (default), latched
         rate: 5                            # at most so many messages a second [Hz]; default: all
+        own_frames: true                   # the robot's prefix is taken off the message's frames, as on /{robot}/tf;
+                                           # such a topic is one more, and later rules match, too
       - topic: /tf
         ros2: /{robot}/tf                  # one topic for each robot: its transforms, its prefix taken off
     in:                                    # from ROS 2 to ROS 1
@@ -52,6 +54,7 @@ class OutRule:
     ros2: str = ""
     qos: Qos = Qos.RELIABLE
     rate: float = 0.0  #: greatest number of messages a second [Hz]; 0: no limit
+    own_frames: bool = False
 
 
 @dataclass(frozen=True)
@@ -85,6 +88,9 @@ class Export:
     qos: Qos
     rate: float
     robot: str  #: whose transforms are kept, without its prefix; empty: no filter
+    own_frames: bool = (
+        False  #: whether the prefix of the topic's robot is taken off the message's frames
+    )
 
 
 @dataclass(frozen=True)
@@ -100,7 +106,8 @@ class Import:
 def exports(rules: Rules, published: Iterable[str], robots: Iterable[str] = ()) -> list[Export]:
     """Returns what the rules offer of the topics that are ``published`` in ROS 1.
 
-    A rule for single robots adds a topic for each of the ``robots``, and does not keep later rules from matching.
+    A rule for single robots adds a topic for each of the ``robots``, and does not keep later rules from matching. Nor
+    does a rule with ``own_frames``.
     """
     names = sorted(robots)
     found: dict[str, Export] = {}
@@ -115,8 +122,10 @@ def exports(rules: Rules, published: Iterable[str], robots: Iterable[str] = ()) 
                     found.setdefault(name, Export(source, name, rule.qos, rule.rate, robot))
                 continue
             name = match.expand(rule.ros2) if rule.ros2 else source
-            found.setdefault(name, Export(source, name, rule.qos, rule.rate, ""))
-            break
+            export = Export(source, name, rule.qos, rule.rate, "", rule.own_frames)
+            found.setdefault(name, export)
+            if not rule.own_frames:
+                break
     return list(found.values())
 
 
@@ -194,10 +203,9 @@ def _rule(kind: Any, entry: Any, where: str) -> Any:
         values["qos"] = _qos(values["qos"], where)
     if "rate" in values:
         values["rate"] = _rate(values["rate"], where)
-    if not isinstance(values.get("needs_subscriber", True), bool):
-        raise RuleError(
-            f"{where}: needs_subscriber must be true or false, not {values['needs_subscriber']!r}"
-        )
+    for name in ("needs_subscriber", "own_frames"):
+        if not isinstance(values.get(name, True), bool):
+            raise RuleError(f"{where}: {name} must be true or false, not {values[name]!r}")
     for name in ("ros2", "ros1"):
         if not isinstance(values.get(name, ""), str):
             raise RuleError(f"{where}: '{name}' must be text, not {values[name]!r}")

@@ -13,7 +13,7 @@ from pioneer_ros2.message import Converter, MessageTypes, Ros1Kind
 from pioneer_ros2.rule import Export, Import, Qos
 from pioneer_ros2.state import State
 from pioneer_ros2.transcoder import Bytes, MalformedError
-from pioneer_ros2.transform import StaticFrames, by_robot, message_of
+from pioneer_ros2.transform import StaticFrames, by_robot, in_own_frames, message_of
 
 TF = "tf2_msgs/TFMessage"
 _TWIST = "geometry_msgs/Twist"
@@ -21,6 +21,14 @@ _TWIST_SIZE = 48
 _LENGTH = struct.Struct("<I")
 _QUEUE = 64
 """Messages of one topic of ROS 2 that wait for the node's thread; beyond them, the oldest are dropped."""
+_PATIENCE = 10.0
+"""A message for which there is no subscriber in ROS 1 yet waits so long: gateways may have to connect first [s]."""
+_RETRY = 0.05
+"""How often a message that waits is tried again [s]."""
+_MOST_WAITING = 10
+"""Messages of one topic that wait for a subscriber; beyond them, the oldest are dropped."""
+_LINGER = 5.0
+"""A topic stays published in ROS 1 so long after its last writer in ROS 2 has gone [s]."""
 _STAYS_FLOODED = 5.0
 """A topic counts as flooded for this long after the last dropped message [s]."""
 _UNREADABLE = (MalformedError, struct.error, UnicodeDecodeError)
@@ -70,8 +78,13 @@ class Counter:
 class Outlet:
     """One topic in ROS 2 to which a topic of ROS 1 goes."""
 
-    def __init__(self, participant: Participant, export: Export, converter: Converter) -> None:
+    def __init__(
+        self, participant: Participant, export: Export, converter: Converter, frames: int
+    ) -> None:
+        """Opens the topic; ``frames`` is how many frames its messages begin with."""
         self.export = export
+        self._frames = frames
+        self._owner = export.source.split("/")[1]
         self.writer = Writer(participant, export.name, converter, export.qos)
         self.counter = Counter()
         self._participant = participant
@@ -105,6 +118,8 @@ class Outlet:
         try:
             if self._statics is not None:
                 data = self._statics.merged(bytes(data))
+            if self.export.own_frames:
+                data = in_own_frames(data, self._owner, self._frames)
             cdr = self._to_cdr(data)
         except _UNREADABLE as error:
             self.counter.unreadable_message(error)
@@ -170,7 +185,10 @@ class ExportTopic:
                     raise TypeUnknownError(f"'{{robot}}' is for {TF}, not for {self.type_name}")
                 converter = messages.converter(self.type_name, self._definition())
                 self._know(messages.ros1_kind(self.type_name))
-                self.outlets[export.name] = Outlet(participant, export, converter)
+                frames = messages.leading_frames(self.type_name)
+                if export.own_frames and not frames:
+                    raise TypeUnknownError(f"own_frames: {self.type_name} begins with no Header")
+                self.outlets[export.name] = Outlet(participant, export, converter, frames)
             except TypeUnknownError as error:
                 self._problem = str(error)
 
@@ -273,6 +291,10 @@ class ImportTopic:
         self._to_ros1 = _conversion(self._converter, rule.type)
         self._publisher: Publisher | None = None
         self._arrived: deque[bytes] = deque(maxlen=_QUEUE)
+        self._waiting: deque[tuple[float, bytes]] = deque()  # with the time of arrival
+        self._is_closed = False
+        self._undelivered = 0
+        self._written_at = 0.0
         self.reader = Reader(participant, rule.name, self._converter, rule.qos, self._receive)
 
     def update(self) -> None:
@@ -283,12 +305,22 @@ class ImportTopic:
             self.reader = Reader(
                 self._participant, self.rule.name, self._converter, Qos.SENSOR, self._receive
             )
-        has_writers = self.reader.writers > 0
-        if has_writers and self._publisher is None:
-            self._publisher = self._node.advertise(self.rule.target, self._kind)
-        elif not has_writers and self._publisher is not None:
+        now = time.monotonic()
+        if self.reader.writers > 0:
+            self._written_at = now
+            self._opened()
+        elif self._publisher is not None and self._is_over(now):
             self._publisher.close()
             self._publisher = None
+
+    def _is_over(self, now: float) -> bool:
+        return not self._waiting and now > self._written_at + _LINGER
+
+    def _opened(self) -> Publisher:
+        """Returns the topic's publisher in ROS 1."""
+        if self._publisher is None:
+            self._publisher = self._node.advertise(self.rule.target, self._kind)
+        return self._publisher
 
     def _receive(self, cdr: bytes) -> None:
         """Takes a message, in a thread of Cyclone, and wakes the node's thread."""
@@ -308,15 +340,46 @@ class ImportTopic:
         self._node.call(self._forward)
 
     def _forward_one(self, cdr: bytes) -> None:
-        if self._publisher is None or self.is_held:
+        if self.is_held or self._is_closed:
             return
         try:
             message = self._to_ros1(cdr)
         except _UNREADABLE as error:
             self.counter.unreadable_message(error)
             return
-        self._publisher.send(_LENGTH.pack(len(message)) + message)
-        self.counter.crossed += 1
+        now = time.monotonic()
+        self._written_at = now
+        frame = _LENGTH.pack(len(message)) + message
+        publisher = self._opened()
+        if publisher.has_subscribers and not self._waiting:
+            publisher.send(frame)
+            self.counter.crossed += 1
+        elif self.rule.qos is not Qos.SENSOR:
+            self._wait(now, frame)
+
+    def _wait(self, now: float, frame: bytes) -> None:
+        """Keeps a message for a subscriber that may be about to connect, such as a gateway; a velocity would be old."""
+        if not self._waiting:
+            self._node.call_later(_RETRY, self._deliver)
+        self._waiting.append((now, frame))
+        if len(self._waiting) > _MOST_WAITING:
+            self._waiting.popleft()
+            self._undelivered += 1
+
+    def _deliver(self) -> None:
+        """Sends what waits if there is a subscriber by now; drops what is too old."""
+        if self._is_closed:
+            return
+        publisher = self._opened()
+        oldest = time.monotonic() - _PATIENCE
+        while self._waiting and publisher.has_subscribers:
+            publisher.send(self._waiting.popleft()[1])
+            self.counter.crossed += 1
+        while self._waiting and self._waiting[0][0] < oldest:
+            self._waiting.popleft()
+            self._undelivered += 1
+        if self._waiting:
+            self._node.call_later(_RETRY, self._deliver)
 
     def state(self) -> State:
         """Returns what the topic does."""
@@ -326,14 +389,18 @@ class ImportTopic:
             return State(name, text, False)
         if self.is_held:
             return State(name, "the robot is held by an emergency stop", False)
-        if self._publisher is None:
+        if self.reader.writers == 0:
             return self.counter.state(name, "no publisher in ROS 2")
-        if not self._publisher.has_subscribers:
+        if self._publisher is None or not self._publisher.has_subscribers:
+            if self._undelivered:
+                text = f"no subscriber in ROS 1: messages that it did not get: {self._undelivered}"
+                return State(name, text, False)
             return self.counter.state(name, "no subscriber in ROS 1")
         return self.counter.state(name, "active")
 
     def close(self) -> None:
         """Ends both sides."""
+        self._is_closed = True
         self.reader.close()
         if self._publisher is not None:
             self._publisher.close()

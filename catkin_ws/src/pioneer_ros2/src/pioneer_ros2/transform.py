@@ -85,6 +85,30 @@ def by_robot(message: bytes) -> dict[str, list[Transform]]:
     return found
 
 
+def in_own_frames(message: bytes | memoryview, robot: str, count: int) -> bytes:
+    """Returns a message that begins with a Header, with the robot's prefix taken off its frames.
+
+    Args:
+        message: the message in the encoding of ROS 1.
+        robot: the robot's name, which is the prefix.
+        count: frames at the message's begin: 1 for the header's, 2 if the child frame follows at once.
+
+    Raises:
+        struct.error: the message ends early.
+    """
+    data = bytes(message)
+    prefix = f"{robot}/".encode()
+    parts = [data[:_SEQUENCE_AND_STAMP]]
+    end = _SEQUENCE_AND_STAMP
+    for _ in range(count):
+        frame, end = _string(data, end)
+        if end > len(data):
+            raise struct.error(f"a message of {len(data)} bytes ends within a frame")
+        own = frame.removeprefix(prefix)
+        parts += (_LENGTH.pack(len(own)), own)
+    return b"".join((*parts, data[end:]))
+
+
 class StaticFrames:
     """The newest static transform of each child frame: several broadcasters in ROS 1 are one in ROS 2."""
 

@@ -29,6 +29,9 @@ class Peer(Node):
             self.create_subscription(
                 LaserScan, f"/{name}/base_scan", self.scan_of(name), qos_profile_sensor_data
             )
+            self.create_subscription(
+                LaserScan, f"/{name}/scan", self.own_scan_of(name), qos_profile_sensor_data
+            )
             self.create_subscription(Odometry, f"/{name}/odom", self.odometry_of(name), 10)
         self.stamped = stamped
         self.velocity = self.create_publisher(
@@ -47,6 +50,9 @@ class Peer(Node):
         return lambda message: received(
             f"/{name}/base_scan", [*message.ranges, message.header.frame_id]
         )
+
+    def own_scan_of(self, name):
+        return lambda message: received(f"/{name}/scan", [*message.ranges, message.header.frame_id])
 
     def odometry_of(self, name):
         return lambda message: received(

@@ -134,6 +134,7 @@ def peer(robot: Program, start: Start) -> Program:
         ("/map", [0, 100, -1]),
         ("/pioneer1/base_scan", [1.25, 2.5, "pioneer1/laser"]),
         ("/pioneer2/base_scan", [2.25, 2.5, "pioneer2/laser"]),
+        ("/pioneer1/scan", [1.25, 2.5, "laser"]),
         ("/pioneer1/odom", [1.5, "pioneer1/base_link"]),
         ("/pioneer2/odom", [2.5, "pioneer2/base_link"]),
     ],
@@ -180,9 +181,21 @@ def test_a_reader_of_cyclone_dds_gets_transforms_with_and_without_prefix(
     assert {tuple(frame) for frame in json.loads(done.stdout)} == frames
 
 
-def test_an_emergency_stop_of_ros_2_holds_a_robot_until_it_is_released(
+def test_after_a_peer_is_killed_another_one_with_stamped_velocities_is_served(
     peer: Program, robot: Program, start: Start
 ) -> None:
+    peer.end(signal.SIGKILL)
+    robot.newest.clear()
+    other = start(str(PEER), str(HERE / "peer.py"), "stamped", plain=True)
+    other.waits_for("/map", [0, 100, -1])
+    other.waits_for("/pioneer1/base_scan", [1.25, 2.5, "pioneer1/laser"])
+    robot.waits_for("/pioneer1/pioneer/cmd_vel", [0.25, -0.5])
+
+
+def test_an_emergency_stop_of_ros_2_holds_a_robot_until_it_is_released(
+    robot: Program, start: Start
+) -> None:
+    start(str(PEER), str(HERE / "peer.py"), plain=True)
     robot.waits_for("/pioneer1/pioneer/cmd_vel", [0.25, -0.5])
     stop = start(str(PEER), str(HERE / "stop.py"), "/pioneer1/estop", "true", plain=True)
     robot.waits_for("/pioneer1/pioneer/cmd_vel", [0.0, 0.0])
@@ -193,17 +206,6 @@ def test_an_emergency_stop_of_ros_2_holds_a_robot_until_it_is_released(
     robot.newest.clear()
     robot.waits_for("/pioneer1/pioneer/cmd_vel", [0.0, 0.0])
     start(str(PEER), str(HERE / "stop.py"), "/pioneer1/estop", "false", plain=True)
-    robot.waits_for("/pioneer1/pioneer/cmd_vel", [0.25, -0.5])
-
-
-def test_after_a_peer_is_killed_another_one_with_stamped_velocities_is_served(
-    peer: Program, robot: Program, start: Start
-) -> None:
-    peer.end(signal.SIGKILL)
-    robot.newest.clear()
-    other = start(str(PEER), str(HERE / "peer.py"), "stamped", plain=True)
-    other.waits_for("/map", [0, 100, -1])
-    other.waits_for("/pioneer1/base_scan", [1.25, 2.5, "pioneer1/laser"])
     robot.waits_for("/pioneer1/pioneer/cmd_vel", [0.25, -0.5])
 
 

@@ -223,3 +223,13 @@ def test_a_message_with_more_bytes_than_fields_is_malformed(messages: MessageTyp
 @pytest.mark.parametrize("name", standard_types())
 def test_the_checksum_of_a_type_is_ros_1_s(messages: MessageTypes, name: str) -> None:
     assert messages.ros1_kind(name)._md5sum == roslib.message.get_message_class(name)._md5sum
+
+
+@pytest.mark.parametrize(
+    ("type_name", "count"),
+    [("sensor_msgs/LaserScan", 1), ("nav_msgs/Odometry", 2), ("geometry_msgs/Twist", 0)],
+)
+def test_a_type_s_leading_frames_are_known_by_its_definition(type_name: str, count: int) -> None:
+    messages = MessageTypes()
+    messages.converter(type_name)
+    assert messages.leading_frames(type_name) == count

@@ -82,6 +82,7 @@ def test_a_topic_is_brought_in_under_its_name_in_ros_1() -> None:
             {"in": [{"topic": "/a", "type": "a/B", "needs_subscriber": 1}]},
             "must be true or false, not 1",
         ),
+        ({"out": [{"topic": "/a", "own_frames": "yes"}]}, "own_frames must be true or false"),
     ],
 )
 def test_a_rule_that_makes_no_sense_is_named(content: object, says: str) -> None:
@@ -91,3 +92,16 @@ def test_a_rule_that_makes_no_sense_is_named(content: object, says: str) -> None
 
 def test_stop_topics_are_for_every_robot_or_for_each() -> None:
     assert rules(stop=["/estop", "/{robot}/estop"]).stop == ("/estop", "/{robot}/estop")
+
+
+def test_a_topic_in_the_robot_s_own_frames_is_one_more() -> None:
+    both = rules(
+        out=[
+            {"topic": r"/(\w+)/base_scan", "ros2": r"/\1/scan", "own_frames": True},
+            {"topic": r"/\w+/base_scan", "qos": "sensor"},
+        ]
+    )
+    assert exports(both, ["/p1/base_scan"]) == [
+        Export("/p1/base_scan", "/p1/scan", Qos.RELIABLE, 0.0, "", own_frames=True),
+        Export("/p1/base_scan", "/p1/base_scan", Qos.SENSOR, 0.0, ""),
+    ]

@@ -6,9 +6,17 @@ import struct
 
 import pytest
 from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
-from pioneer_ros2.transform import StaticFrames, by_robot, message_of, transforms_in
+from pioneer_ros2.transform import (
+    StaticFrames,
+    by_robot,
+    in_own_frames,
+    message_of,
+    transforms_in,
+)
 
 
 def encoded(*frames: tuple[str, str, float]) -> bytes:
@@ -76,3 +84,41 @@ def test_random_bytes_are_an_error_or_transforms() -> None:
             list(transforms_in(data))
         except (struct.error, UnicodeDecodeError):
             continue
+
+
+def bytes_of(message: LaserScan | Odometry) -> bytes:
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    return buffer.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("frame", "own"),
+    [("p1/laser", "laser"), ("p2/laser", "p2/laser"), ("", ""), ("p1/größe", "größe")],
+)
+def test_a_robot_s_own_prefix_is_taken_off_a_scan_and_nothing_else_changes(
+    frame: str, own: str
+) -> None:
+    scan = LaserScan(range_max=30.0, ranges=[1.0, 2.5])
+    scan.header.seq = 7
+    scan.header.frame_id = frame
+    found = LaserScan().deserialize(in_own_frames(bytes_of(scan), "p1", 1))
+    scan.header.frame_id = own
+    assert bytes_of(found) == bytes_of(scan)
+
+
+def test_odometry_loses_the_prefix_of_both_frames() -> None:
+    odometry = Odometry(child_frame_id="p1/base_link")
+    odometry.header.frame_id = "p1/odom"
+    odometry.pose.pose.position.x = 1.5
+    found = Odometry().deserialize(in_own_frames(memoryview(bytes_of(odometry)), "p1", 2))
+    frames = (found.header.frame_id, found.child_frame_id)
+    assert (frames, found.pose.pose.position.x) == (("odom", "base_link"), 1.5)
+
+
+@pytest.mark.parametrize("size", [0, 11, 15, 17])
+def test_a_message_that_ends_within_its_frame_is_an_error(size: int) -> None:
+    scan = LaserScan()
+    scan.header.frame_id = "p1/laser"
+    with pytest.raises(struct.error):
+        in_own_frames(bytes_of(scan)[:size], "p1", 1)

@@ -111,7 +111,8 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
         found.append(Command(PAGE_COMMAND, page, {**base, "PIONEER_WEB_TOKEN": config.token}))
     if config.ros2:
         robots = f"robots:={' '.join(config.names)}"
-        door = _launched(ports.hub_gateway_master, "pioneer_ros2", "ros2_fleet.launch", robots)
+        wait = ("rosrun", "rocon_launch", "roslaunch", "--no-summary", "--wait")
+        door = (*wait, "pioneer_ros2", "ros2_fleet.launch", robots)
         found.append(Command(DOOR_COMMAND, door, base))
     navigation = (
         *("rosrun", "pioneer_gazebo", "run-pioneer-nav-local"),
@@ -221,10 +222,13 @@ def master_uri(port: int) -> str:
 
 
 def _launch(port: int, *words: str) -> tuple[str, ...]:
-    return _launched(port, "pioneer_networking", *words)
-
-
-def _launched(port: int, package: str, *words: str) -> tuple[str, ...]:
-    """Returns the command line of a launch file at the master on ``port``."""
-    launcher = ("rosrun", "rocon_launch", "roslaunch", "--no-summary", "-p", str(port))
-    return (*launcher, package, *words)
+    return (
+        "rosrun",
+        "rocon_launch",
+        "roslaunch",
+        "--no-summary",
+        "-p",
+        str(port),
+        "pioneer_networking",
+        *words,
+    )

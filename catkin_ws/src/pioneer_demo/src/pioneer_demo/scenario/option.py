@@ -368,7 +368,7 @@ def _add_common(parser: Parser, worlds: Sequence[str]) -> None:
     add(
         "--ros2",
         action="store_true",
-        help="open the fleet to ROS 2 in the domain ROS_DOMAIN_ID, on this machine only (pioneer_ros2's README)",
+        help="open the fleet to ROS 2 in the domain ROS_DOMAIN_ID, on this machine only (docs/ros2.md)",
     )
 
 
