@@ -17,8 +17,10 @@ import numpy as np
 import pytest
 import rospy
 from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import Quaternion
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Header
@@ -501,3 +503,55 @@ def test_a_costmap_without_the_robots_pose_names_the_transform_and_not_the_scans
         chaos.tree.connected = False
         assert chaos.node.pose(network.now) is None
         assert chaos.node.fault(network.now) == "no transform"
+
+
+def static_node(network: Network, **options: Any) -> CostmapNode:
+    """Returns a node with only a static layer, which has its first map."""
+    config = replace(
+        MAPPED,
+        layers=(StaticConfig(map_topic="map", **options),),
+    )
+    node = CostmapNode("costmap", config, Tree())  # type: ignore[arg-type]
+    send_grid(network, MAPS[0])
+    node.update(network.now)
+    return node
+
+
+def send_grid(network: Network, grid: Grid) -> None:
+    info = MapMetaData(
+        rospy.Time(), grid.resolution, grid.cols, grid.rows, PoseMessage(orientation=UPRIGHT)
+    )
+    network.send("map", GridMessage(Header(), info, grid.cells.reshape(-1)))
+
+
+UPRIGHT = Quaternion(w=1.0)
+
+
+def test_a_static_layer_takes_parts_of_the_map_if_it_is_told_to() -> None:
+    network = Network()
+    with network.installed():
+        node = static_node(network, subscribe_to_updates=True)
+        assert node.costmap.cells[21, 10] != LETHAL
+        network.send("map_updates", OccupancyGridUpdate(Header(), 10, 20, 3, 2, [100] * 6))
+        network.send("map_updates", OccupancyGridUpdate(Header(), 39, 20, 3, 2, [100] * 6))
+        node.update(network.now, forced=True)
+        assert (node.costmap.cells[20:22, 10:13] == LETHAL).all()
+        assert node.costmap.cells.shape == MAPS[0].cells.shape
+
+
+def test_a_static_layer_that_is_not_told_to_has_no_subscriber_of_updates() -> None:
+    network = Network()
+    with network.installed():
+        static_node(network)
+        assert "map_updates" not in network.subscribers
+
+
+@pytest.mark.parametrize("first_only", [True, False])
+def test_first_map_only_ignores_later_maps(first_only: bool) -> None:
+    network = Network()
+    with network.installed():
+        node = static_node(network, first_map_only=first_only)
+        send_grid(network, MAPS[1])
+        node.update(network.now, forced=True)
+        expected = MAPS[0] if first_only else MAPS[1]
+        assert node.costmap.cells.shape == expected.cells.shape

@@ -24,7 +24,9 @@ from nav_bundle.planning.planner import (
     GoalOutsideError,
     NoPathError,
     StartOutsideError,
+    nearest_inside,
     path_between,
+    with_goal,
 )
 from pioneer_node.core.parameter import ParameterError
 
@@ -333,3 +335,31 @@ def test_a_star_finds_the_way_round_that_its_guide_does_not_know():
 def test_global_planner_s_parameters_that_make_no_sense_are_refused(wrong):
     with pytest.raises(ParameterError):
         global_planner_config_from_parameters(wrong, "GlobalPlanner")
+
+
+def test_a_goal_beside_the_map_is_taken_to_its_border_within_the_tolerance():
+    place = costmap_of(WIDE).geometry
+    inside = nearest_inside(place, Pose(2.3, 0.5, 1.0), 0.4)
+    assert (inside.x, inside.y, inside.yaw) == (pytest.approx(1.95), 0.5, 1.0)
+    assert nearest_inside(place, Pose(2.3, 0.5), 0.3) == Pose(2.3, 0.5)
+    assert nearest_inside(place, Pose(0.5, 0.5), 0.0) == Pose(0.5, 0.5)
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_a_plan_that_ends_beside_the_goal_can_be_led_to_it(planner):
+    goal = Pose(1.95, 0.55, 0.5)  # in the wall
+    costmap = costmap_of(WIDE, 0.2)
+    path = path_between(planner, costmap, Pose(0.5, 0.5), goal, 0.5)
+    assert path[-1, 0] < 1.9
+    assert with_goal(path, goal, RESOLUTION / 2.0)[-1].tolist() == [1.95, 0.55, 0.5]
+    end = Pose(*path[-1])
+    assert with_goal(path, end, RESOLUTION) is path
+
+
+def test_cells_opened_around_a_robot_are_as_before_after_the_next_update():
+    costmap = costmap_of(ROOMS)
+    before = costmap.cells.copy()
+    costmap.open_around(Pose(0.15, 0.15), 0.4)
+    assert costmap.cells[0, 0] == 0
+    costmap.update(Pose(0.15, 0.15), [])
+    assert np.array_equal(costmap.cells, before)

@@ -4,9 +4,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from nav_bundle.control.trajectory_config import with_samples
+from nav_bundle.control.trajectory_config import LOCAL_FRAME, with_samples
 from pioneer_node.core.live import Live
-from pioneer_node.core.parameter import UNKNOWN, ParameterError, config_from_mapping
+from pioneer_node.core.parameter import (
+    ONLY_LIVE,
+    UNKNOWN,
+    ParameterError,
+    WithoutEffect,
+    config_from_mapping,
+)
 
 # Deprecated names that dwa_local_planner still accepts, and the current ones.
 _FORMER = {
@@ -17,6 +23,8 @@ _FORMER = {
     "acc_limit_trans": "acc_lim_trans",
     "rot_stopped_vel": "theta_stopped_vel",
 }
+_AS_IN_NOETIC = "is read and not used, as in Noetic"
+_FOOTPRINT = "is not used: the footprint does not grow with the speed"
 
 
 @dataclass(frozen=True)
@@ -24,10 +32,8 @@ class DwaConfig:
     """Parameters of DWAPlannerROS; defaults are Noetic's.
 
     Speeds in [m/s] and [rad/s], accelerations in [m/s**2] and [rad/s**2], distances in [m], angles in [rad], times
-    in [s]. ``path_distance_bias`` and ``goal_distance_bias`` are weights per metre. ``acc_lim_trans``,
-    ``stop_time_buffer``, ``scaling_speed`` and ``max_scaling_factor`` are accepted without effect, as in Noetic.
-    ``publish_traj_pc`` is not supported and is reported as such. Not in Noetic: ``clearance`` and
-    ``clearance_scale``, see ``TrajectoryConfig``.
+    in [s]. ``path_distance_bias`` and ``goal_distance_bias`` are weights per metre. ``publish_traj_pc`` is not
+    supported and is reported as such. Not in Noetic: ``clearance`` and ``clearance_scale``, see ``TrajectoryConfig``.
     """
 
     max_vel_trans: Annotated[float, Live(0.0)] = 0.55
@@ -41,7 +47,7 @@ class DwaConfig:
     acc_lim_x: Annotated[float, Live(0.0, 20.0)] = 2.5
     acc_lim_y: Annotated[float, Live(0.0, 20.0)] = 2.5
     acc_lim_theta: Annotated[float, Live(0.0, 20.0)] = 3.2
-    acc_lim_trans: Annotated[float, Live(0.0)] = 0.1
+    acc_lim_trans: Annotated[float, Live(0.0), WithoutEffect(_AS_IN_NOETIC)] = 0.1
     prune_plan: Annotated[bool, Live()] = False
     xy_goal_tolerance: Annotated[float, Live(0.0)] = 0.1
     yaw_goal_tolerance: Annotated[float, Live(0.0)] = 0.1
@@ -57,13 +63,13 @@ class DwaConfig:
     twirling_scale: Annotated[float, Live(0.0)] = 0.0
     clearance: Annotated[float, Live(0.0, 2.0)] = 0.4
     clearance_scale: Annotated[float, Live(0.0)] = 10.0
-    stop_time_buffer: Annotated[float, Live(0.0)] = 0.2
+    stop_time_buffer: Annotated[float, Live(0.0), WithoutEffect(_AS_IN_NOETIC)] = 0.2
     oscillation_reset_dist: Annotated[float, Live(0.0)] = 0.05
     oscillation_reset_angle: Annotated[float, Live(0.0)] = 0.2
     forward_point_distance: Annotated[float, Live()] = 0.325
     cheat_factor: float = 1.0
-    scaling_speed: Annotated[float, Live(0.0)] = 0.25
-    max_scaling_factor: Annotated[float, Live(0.0)] = 0.2
+    scaling_speed: Annotated[float, Live(0.0), WithoutEffect(_FOOTPRINT)] = 0.25
+    max_scaling_factor: Annotated[float, Live(0.0), WithoutEffect(_FOOTPRINT)] = 0.2
     vx_samples: Annotated[int, Live(1, 300)] = 3
     vy_samples: Annotated[int, Live(1, 300)] = 10
     vth_samples: Annotated[int, Live(1, 300)] = 20
@@ -71,8 +77,8 @@ class DwaConfig:
     controller_frequency: float = 20.0
     publish_traj_pc: Annotated[bool, Live()] = False
     publish_cost_grid_pc: Annotated[bool, Live()] = False
-    restore_defaults: Annotated[bool, Live()] = False
-    global_frame_id: str = ""
+    restore_defaults: Annotated[bool, Live(), ONLY_LIVE] = False
+    global_frame_id: Annotated[str, LOCAL_FRAME] = ""
 
 
 def dwa_config_from_parameters(

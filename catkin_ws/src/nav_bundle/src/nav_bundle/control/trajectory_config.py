@@ -6,7 +6,13 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, TypeVar
 
 from pioneer_node.core.live import Live
-from pioneer_node.core.parameter import UNKNOWN, ParameterError, config_from_mapping
+from pioneer_node.core.parameter import (
+    ONLY_LIVE,
+    UNKNOWN,
+    ParameterError,
+    WithoutEffect,
+    config_from_mapping,
+)
 
 Config = TypeVar("Config", bound=Any)
 
@@ -20,6 +26,8 @@ _FORMER = {
     "max_rotational_vel": "max_vel_theta",
 }
 
+LOCAL_FRAME = WithoutEffect("is not used: the local costmap's ~global_frame counts")
+
 
 @dataclass(frozen=True)
 class TrajectoryConfig:
@@ -29,7 +37,7 @@ class TrajectoryConfig:
     ``heading_scoring`` scores a sample at ``heading_scoring_timestep``, and also by its heading to the farthest visible
     point of the plan. Not in Noetic: ``clearance`` [m] is the distance kept from obstacles where there is room, and
     ``clearance_scale`` is the cost of touching them all the way, in units of the biases; 0 gives base_local_planner's
-    scores. ``stop_time_buffer`` is accepted without effect. ``holonomic_robot`` and ``simple_attractor`` are not
+    scores. ``holonomic_robot`` and ``simple_attractor`` are not
     supported: setting them is an error.
     """
 
@@ -66,16 +74,16 @@ class TrajectoryConfig:
     escape_reset_theta: Annotated[float, Live(0.0, 5.0)] = math.pi / 2
     rot_stopped_velocity: float = 0.01
     trans_stopped_velocity: float = 0.01
-    planner_frequency: float = 0.0
-    stop_time_buffer: float = 0.2
+    planner_frequency: Annotated[float, WithoutEffect("is not used: move_base's own counts")] = 0.0
+    stop_time_buffer: Annotated[float, WithoutEffect("is read and not used, as in Noetic")] = 0.2
     simple_attractor: Annotated[bool, Live()] = False
     heading_scoring: Annotated[bool, Live()] = False
     heading_scoring_timestep: Annotated[float, Live(0.0, 1.0)] = 0.1
     publish_cost_grid_pc: Annotated[bool, Live()] = False
-    restore_defaults: Annotated[bool, Live()] = False
-    y_vels: Annotated[Any, Live()] = ""
-    world_model: str = "costmap"
-    global_frame_id: str = ""
+    restore_defaults: Annotated[bool, Live(), ONLY_LIVE] = False
+    y_vels: Annotated[Any, Live(), WithoutEffect("is for holonomic robots")] = ""
+    world_model: Annotated[str, WithoutEffect("is not used: there is only 'costmap'")] = "costmap"
+    global_frame_id: Annotated[str, LOCAL_FRAME] = ""
 
 
 def trajectory_config_from_parameters(

@@ -37,7 +37,10 @@ class SourceConfig:
 
 @dataclass(frozen=True)
 class StaticConfig:
-    """The static layer: a map from ``map_topic``."""
+    """The static layer: a map from ``map_topic``, and with ``subscribe_to_updates`` parts of it from MAP_TOPIC_updates.
+
+    With ``first_map_only`` later maps are ignored.
+    """
 
     enabled: Annotated[bool, Live()] = True
     map_topic: str = "map"

@@ -244,6 +244,15 @@ class Costmap:
             layer.clear_outside(self.geometry, pose, side)
         self._pending = self.geometry.everything
 
+    def open_around(self, pose: Pose, side: float) -> None:
+        """Makes the square of ``side`` [m] around ``pose`` free until the next update."""
+        half = side / 2.0
+        window = self.geometry.window_between(
+            pose.x - half, pose.y - half, pose.x + half, pose.y + half
+        )
+        self.cells[window.slices] = FREE
+        self._pending = self.geometry.everything
+
     def reset(self) -> None:
         """Clears all sensor data; effective at the next update."""
         for layer in self._obstacles.values():

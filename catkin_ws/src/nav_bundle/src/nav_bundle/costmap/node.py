@@ -1,5 +1,6 @@
 """A costmap with its topics: the counterpart of Costmap2DROS."""
 
+import threading
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple, TypeAlias
@@ -33,7 +34,7 @@ from nav_bundle.costmap.geometry import EMPTY, Geometry
 from nav_bundle.costmap.layer import Observation
 from nav_bundle.costmap.source import Arrival, Limits, Source
 from nav_bundle.costmap.topics import Newest
-from nav_bundle.maps.conversions import GridMessage, grid_from_message
+from nav_bundle.maps.conversions import GridMessage, grid_from_message, updated_grid
 from nav_bundle.maps.grid import Grid
 from pioneer_node.core.frame import stripped
 from pioneer_node.nodes.standing_warning import StandingWarning
@@ -58,7 +59,8 @@ def _resolvable(map_topic: str) -> str:
 class CostmapNode:
     """One costmap of move_base, updated by its owner's loop.
 
-    Subscribes: the static layer's map topic (nav_msgs/OccupancyGrid), each observation source's topic
+    Subscribes: the static layer's map topic (nav_msgs/OccupancyGrid) and, with ``subscribe_to_updates``, that topic's
+        ``…_updates`` (map_msgs/OccupancyGridUpdate), each observation source's topic
         (sensor_msgs/LaserScan or PointCloud2).
 
     Publishes: ``~<name>/costmap`` (nav_msgs/OccupancyGrid), ``~<name>/costmap_updates``
@@ -83,6 +85,8 @@ class CostmapNode:
         self._config, self._listener = config, listener
         listener.listen(self.frame, self.base_frame)
         self._new_maps: dict[str, _NewMap] = {}  # by the topic in the parameters
+        self._maps: dict[str, _NewMap] = {}  # the newest map of each topic
+        self._maps_turn = threading.Lock()
         self._map_frames: dict[str, str] = {}
         self._scans: dict[tuple[str, str], Newest[Seen]] = {}
         self._others: tuple[FleetConfig, ...] = ()
@@ -152,16 +156,44 @@ class CostmapNode:
             rospy.Subscriber(
                 _resolvable(topic), GridMessage, partial(self._on_map, topic), queue_size=1
             )
+        for topic in {layer.map_topic for layer in layers if layer.subscribe_to_updates}:
+            rospy.Subscriber(
+                f"{_resolvable(topic)}_updates",
+                OccupancyGridUpdate,
+                partial(self._on_map_update, topic),
+                queue_size=10,
+            )
+
+    def _takes_map(self, topic: str) -> bool:
+        """Returns whether any static layer still takes maps from ``topic``."""
+        if topic not in self._maps:
+            return True
+        layers = [layer for layer in self._config.layers if isinstance(layer, StaticConfig)]
+        return any(layer.map_topic == topic and not layer.first_map_only for layer in layers)
+
+    def _on_map_update(self, topic: str, message: OccupancyGridUpdate) -> None:
+        """Puts a part into the newest map; one that comes before the first map is dropped."""
+        with self._maps_turn:
+            newest = self._maps.get(topic)
+            if newest is None:
+                return
+            try:
+                updated = newest._replace(grid=updated_grid(newest.grid, message))
+                self._maps[topic] = self._new_maps[topic] = updated
+            except NavigationError as error:
+                rospy.logerr("%s_updates: %s", rospy.resolve_name(_resolvable(topic)), error)
 
     def _on_map(self, topic: str, message: GridMessage) -> None:
+        if not self._takes_map(topic):
+            return
         try:
             grid = grid_from_message(message)
         except NavigationError as error:
             rospy.logerr("%s: %s", rospy.resolve_name(_resolvable(topic)), error)
             return
-        self._new_maps[topic] = _NewMap(
-            grid, costmap_frame(message.header.frame_id or _WORLD_FRAME)
-        )
+        new = _NewMap(grid, costmap_frame(message.header.frame_id or _WORLD_FRAME))
+        with self._maps_turn:
+            self._maps[topic] = self._new_maps[topic] = new
 
     def _missing_maps(self) -> list[str]:
         """Returns the topics of the maps that enabled layers still wait for."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from typing import Annotated
 
 from pioneer_node.core.live import Live, one_of
-from pioneer_node.core.parameter import ParameterError
+from pioneer_node.core.parameter import ONLY_LIVE, ParameterError
 
 LASER_MODELS = ("likelihood_field", "likelihood_field_prob", "beam")
 """Values of ``laser_model_type``."""
@@ -81,7 +81,7 @@ class AmclConfig:
     std_warn_level_x: float = 0.2
     std_warn_level_y: float = 0.2
     std_warn_level_yaw: float = 0.1
-    restore_defaults: Annotated[bool, Live()] = False
+    restore_defaults: Annotated[bool, Live(), ONLY_LIVE] = False
 
     def __post_init__(self) -> None:
         self._check(

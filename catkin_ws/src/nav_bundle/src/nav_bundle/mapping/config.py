@@ -2,14 +2,17 @@
 
 import math
 from dataclasses import dataclass, fields
+from typing import Annotated
 
-from pioneer_node.core.parameter import ParameterError
+from pioneer_node.core.parameter import ParameterError, WithoutEffect
 
 _POSITIVE = ("sigma", "lsigma", "lstep", "astep", "ogain", "delta")
 _NOT_NEGATIVE = (
     "kernelSize", "iterations", "lskip", "srr", "srt", "str", "stt",
     "resampleThreshold", "transform_publish_period", "tf_delay", "seed", "minimumScore",
 )  # fmt: skip
+
+_NEVER_SAMPLED = WithoutEffect("is for a likelihood that is never sampled, as in Noetic")
 
 
 @dataclass(frozen=True)
@@ -19,8 +22,6 @@ class GmappingConfig:
     A negative ``maxUrange``, ``maxRange`` or ``tf_delay`` selects Noetic's default for an unset parameter. With
     ``linearUpdate`` or ``angularUpdate`` of 0 or less every scan is processed, and with ``map_update_interval`` of 0 or
     less every processed scan updates the map.
-    ``llsamplerange``, ``llsamplestep``, ``lasamplerange`` and ``lasamplestep`` are accepted without effect. The C++
-    node only reads them for a likelihood that it never samples.
 
     Raises:
         ParameterError: a value is out of range.
@@ -59,10 +60,10 @@ class GmappingConfig:
     xmax: float = 100.0
     ymax: float = 100.0
     delta: float = 0.05
-    llsamplerange: float = 0.01
-    llsamplestep: float = 0.01
-    lasamplerange: float = 0.005
-    lasamplestep: float = 0.005
+    llsamplerange: Annotated[float, _NEVER_SAMPLED] = 0.01
+    llsamplestep: Annotated[float, _NEVER_SAMPLED] = 0.01
+    lasamplerange: Annotated[float, _NEVER_SAMPLED] = 0.005
+    lasamplestep: Annotated[float, _NEVER_SAMPLED] = 0.005
     seed: int = 0
     transform_future_limit: float = 10.0
 

@@ -10,6 +10,7 @@ import struct
 from typing import Any, Self
 
 import numpy as np
+from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from nav_msgs.srv import (
     GetMap,
@@ -102,6 +103,28 @@ def grid_from_message(message: OccupancyGrid) -> Grid:
         raise MapError(f"a map's resolution must be at least {FINEST:g} m, not {info.resolution}")
     cells = np.asarray(message.data, np.int8).reshape(info.height, info.width)
     return Grid(float_from_float32(info.resolution), pose_from_message(info.origin), cells)
+
+
+def updated_grid(grid: Grid, update: OccupancyGridUpdate) -> Grid:
+    """Returns ``grid`` with the part that ``update`` holds.
+
+    Raises:
+        MapError: the part is not inside the map, or has a number of cells other than width x height.
+    """
+    rows = slice(update.y, update.y + update.height)
+    cols = slice(update.x, update.x + update.width)
+    if min(update.x, update.y) < 0 or rows.stop > grid.rows or cols.stop > grid.cols:
+        raise MapError(
+            f"a part of {update.width} x {update.height} cells at ({update.x}, {update.y}) is not inside the map of "
+            f"{grid.cols} x {grid.rows}"
+        )
+    if update.width * update.height != len(update.data):
+        raise MapError(
+            f"a part of the map has {len(update.data)} cells, expected {update.width} x {update.height}"
+        )
+    cells = grid.cells.copy()
+    cells[rows, cols] = np.asarray(update.data, np.int8).reshape(update.height, update.width)
+    return Grid(grid.resolution, grid.origin, cells)
 
 
 def float_from_float32(value: float) -> float:

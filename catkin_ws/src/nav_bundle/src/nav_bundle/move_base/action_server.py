@@ -178,6 +178,11 @@ class GoalServer:
         """True while a goal waits to be accepted."""
         return bool(self._server.is_new_goal_available())
 
+    @property
+    def waiting(self) -> bool:
+        """True while a goal waits to be taken."""
+        return bool(self._server.is_new_goal_available())
+
     def take(self) -> Pose | None:
         """Accepts a new goal and returns it in the global frame; None if there is none or it was aborted."""
         if not self._server.is_new_goal_available():

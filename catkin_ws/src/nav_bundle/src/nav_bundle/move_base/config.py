@@ -27,7 +27,7 @@ from nav_bundle.planning.global_planner import (
 )
 from nav_bundle.planning.navfn import MEETING_DISTANCE, NavfnConfig, NavfnPlanner
 from pioneer_node.core.live import Live, live_values
-from pioneer_node.core.parameter import ParameterError, config_from_mapping, namespace_in
+from pioneer_node.core.parameter import ONLY_LIVE, ParameterError, config_from_mapping, namespace_in
 
 Kind = TypeVar("Kind")
 _LONGEST_FULL_TURN = 35.0
@@ -58,6 +58,10 @@ _GLOBAL_PLANNERS: dict[str, GlobalKind] = {
 @dataclass(frozen=True)
 class MoveBaseConfig:
     """The parameters in move_base's own namespace.
+
+    ``shutdown_costmaps`` stops updating the costmaps while there is no goal. A plan of ``~make_plan`` starts on free
+    ground with ``make_plan_clear_costmap``, and leads to a goal that the robot only gets near with
+    ``make_plan_add_unreachable_goal``.
 
     ``base_global_planner`` may also be ``global_planner/GlobalPlanner``, and ``base_local_planner`` may be
     ``dwa_local_planner/DWAPlannerROS``. The package name is optional.
@@ -94,7 +98,7 @@ class MoveBaseConfig:
     make_plan_clear_costmap: Annotated[bool, Live()] = True
     make_plan_add_unreachable_goal: Annotated[bool, Live()] = True
     shutdown_costmaps: Annotated[bool, Live()] = False
-    restore_defaults: Annotated[bool, Live()] = False
+    restore_defaults: Annotated[bool, Live(), ONLY_LIVE] = False
     meeting_distance: Annotated[float, Live(0.0, 10.0)] = MEETING_DISTANCE
     meeting_min_width: Annotated[float, Live(0.0, 0.6)] = NARROWEST_ROBOT
     meeting_margin: Annotated[float, Live(0.0, 5.0)] = 0.5

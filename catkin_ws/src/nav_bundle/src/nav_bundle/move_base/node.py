@@ -37,7 +37,15 @@ from nav_bundle.move_base.topics import Reason
 from nav_bundle.planning.conversions import GetPlanArray, GetPlanArrayResponse, PathMessage
 from nav_bundle.planning.global_planner import visible_potential
 from nav_bundle.planning.navfn import NavfnSearch
-from nav_bundle.planning.planner import GoalOutsideError, NoPathError, Path, PlannerError, Search
+from nav_bundle.planning.planner import (
+    GoalOutsideError,
+    NoPathError,
+    Path,
+    PlannerError,
+    Search,
+    nearest_inside,
+    with_goal,
+)
 from pioneer_node.nodes import entry
 from pioneer_node.nodes.standing_warning import StandingWarning
 
@@ -281,6 +289,8 @@ class MoveBaseNode:
             self._carry_out(self._navigator.restart(self._global.pose(now), now), now)
 
     def _cycle(self, now: float) -> None:
+        if self._rests():
+            return
         if self._global.update(now):
             self._navigator.look_around(self._global.pose(now), now)
         if self._local.update(now) and (picture := self._local.picture(now)):
@@ -294,6 +304,11 @@ class MoveBaseNode:
             self._carry_out(self._navigator.cancel(now), now)
         else:
             self._drive_on(now)
+
+    def _rests(self) -> bool:
+        """Returns whether the costmaps are shut down: without a goal, if ``shutdown_costmaps`` asks for it."""
+        without_goal = self._navigator.phase is Phase.IDLE and not self._goals.waiting
+        return self._setup.base.shutdown_costmaps and without_goal
 
     def _drive_on(self, now: float) -> None:
         sight = self._sight(now)
@@ -420,12 +435,20 @@ class MoveBaseNode:
     def _make_plan_if_idle(self, request: GetPlanRequest) -> GetPlanArrayResponse:
         if self._goals.active:
             raise rospy.ServiceException(_BUSY)
-        return self._make_plan(request)
+        with self._turn:
+            pose = self._global.pose(rospy.get_time())
+            if self._setup.base.make_plan_clear_costmap and pose is not None:
+                costmap = self._global.costmap
+                costmap.open_around(pose, 2.0 * costmap.footprint.circumscribed_radius)
+        return self._make_plan(request, self._setup.base.make_plan_add_unreachable_goal)
 
-    def _make_plan(self, request: GetPlanRequest) -> GetPlanArrayResponse:
-        """Plans for a service client; the plan is empty if the goal cannot be reached. The loop runs meanwhile."""
+    def _make_plan(self, request: GetPlanRequest, adds_goal: bool = False) -> GetPlanArrayResponse:
+        """Plans for a service client; the plan is empty if the goal cannot be reached. The loop runs meanwhile.
+
+        ``adds_goal`` appends the goal to a plan that ends beside it.
+        """
         try:
-            path = self._plan_for(request)
+            path = self._plan_for(request, adds_goal)
         except (NoPathError, GoalOutsideError) as error:
             rospy.logwarn("make_plan: %s", error)
             path = np.empty((0, 3))
@@ -433,7 +456,7 @@ class MoveBaseNode:
             raise rospy.ServiceException(str(error)) from error
         return GetPlanArrayResponse(PathMessage(path, self._global.frame, rospy.Time.now()))
 
-    def _plan_for(self, request: GetPlanRequest) -> Path:
+    def _plan_for(self, request: GetPlanRequest, adds_goal: bool) -> Path:
         check_numbers("make_plan", request)
         start = (
             self._goals.in_global_frame(request.start) if request.start.header.frame_id else None
@@ -443,15 +466,17 @@ class MoveBaseNode:
             start = start or self._global.pose(rospy.get_time())
             if start is None:
                 raise PlannerError(_NO_START)
-            search = self._navigator.planner.search(
-                self._global.costmap, start, goal, request.tolerance
-            )
+            costmap = self._global.costmap
+            place, resolution = costmap.geometry, costmap.geometry.resolution
+            inside = nearest_inside(place, goal, request.tolerance)
+            tolerance = request.tolerance - inside.distance(goal)
+            search = self._navigator.planner.search(costmap, start, inside, tolerance)
         path = None
         while path is None:
             if rospy.is_shutdown():
                 raise PlannerError("move_base is shutting down")
             path = search.advance(_CELLS_AT_ONCE)
-        return path
+        return with_goal(path, goal, resolution) if adds_goal else path
 
     def _clear_costmaps(self, _: EmptyRequest) -> EmptyResponse:
         with self._turn:

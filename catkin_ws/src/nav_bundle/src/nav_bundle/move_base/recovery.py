@@ -3,12 +3,18 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
 
 from nav_bundle.base.pose import Pose, angle_difference
 from nav_bundle.base.velocity import Velocity
 from nav_bundle.costmap.costmap import Costmap
-from pioneer_node.core.parameter import ParameterError, config_from_mapping, namespace_in, value_as
+from pioneer_node.core.parameter import (
+    ParameterError,
+    WithoutEffect,
+    config_from_mapping,
+    namespace_in,
+    value_as,
+)
 
 _BACK, _LOOK_BACK, _BACKWARDS = 0.3, 0.1, -0.15
 """Distance that a pushing robot backs up [m], look-behind distance for obstacles [m], and velocity [m/s]."""
@@ -78,7 +84,9 @@ class ClearConfig:
 
     reset_distance: float = 3.0
     invert_area_to_clear: bool = False
-    force_updating: bool = False
+    force_updating: Annotated[
+        bool, WithoutEffect("is always so: costmaps are updated after a recovery behaviour")
+    ] = False
     affected_maps: str = "both"
     layer_names: Any = ()
 
@@ -113,7 +121,9 @@ class RotateConfig:
     """Parameters of rotate_recovery: angle between collision checks [rad], speeds [rad/s], acceleration [rad/s**2]."""
 
     sim_granularity: float = 0.017
-    frequency: float = 20.0
+    frequency: Annotated[
+        float, WithoutEffect("is not used: move_base's ~controller_frequency counts")
+    ] = 20.0
     yaw_goal_tolerance: float = 0.10
     acc_lim_th: float = 3.2
     max_rotational_vel: float = 1.0

@@ -11,11 +11,16 @@ from numpy.typing import NDArray
 
 from nav_bundle.base.pose import Pose, angle_difference
 from nav_bundle.costmap.cost import UNKNOWN
-from nav_bundle.planning.navfn import NavfnConfig, NavfnPlanner
+from nav_bundle.planning.navfn import NO_CLOUD, WHOLE_MAP, NavfnConfig, NavfnPlanner
 from nav_bundle.planning.navfn_kernel import FAR
 from nav_bundle.planning.planner import Path
 from pioneer_node.core.live import Live
-from pioneer_node.core.parameter import ParameterError, config_from_mapping
+from pioneer_node.core.parameter import (
+    ONLY_LIVE,
+    ParameterError,
+    WithoutEffect,
+    config_from_mapping,
+)
 
 _BLOCKED = -1
 _BEND = 0.35
@@ -92,8 +97,7 @@ class GlobalPlannerConfig:
     which is faster on open ground. ``use_grid_path`` follows the path from cell to cell instead of down the gradient.
     ``orientation_mode`` is one of ``Orientation``; ``orientation_window_size`` [poses] is the look-ahead
     for the path's direction. ``publish_potential`` publishes the potential scaled to 0 … ``publish_scale``.
-    ``planner_window_x``, ``planner_window_y``, ``visualize_potential`` and ``outline_map`` are accepted without
-    effect. Not in Noetic: ``keep_right``, see ``navfn.NavfnConfig``.
+    Not in Noetic: ``keep_right``, see ``navfn.NavfnConfig``.
     """
 
     allow_unknown: bool = True
@@ -107,14 +111,16 @@ class GlobalPlannerConfig:
     cost_factor: Annotated[float, Live(0.01, 5.0)] = 3.0
     orientation_mode: Annotated[int, Live(0, 6)] = 0
     orientation_window_size: Annotated[int, Live(1, 255)] = 1
-    outline_map: bool = True
+    outline_map: Annotated[
+        bool, WithoutEffect("is not used: no path leaves the map, whatever its border holds")
+    ] = True
     publish_potential: Annotated[bool, Live()] = True
     publish_scale: int = 100
-    visualize_potential: bool = False
-    planner_window_x: float = 0.0
-    planner_window_y: float = 0.0
+    visualize_potential: Annotated[bool, NO_CLOUD] = False
+    planner_window_x: Annotated[float, WHOLE_MAP] = 0.0
+    planner_window_y: Annotated[float, WHOLE_MAP] = 0.0
     keep_right: bool = True
-    restore_defaults: Annotated[bool, Live()] = False
+    restore_defaults: Annotated[bool, Live(), ONLY_LIVE] = False
 
     def weights(self) -> NDArray[np.float32]:
         """Returns the potential added by crossing a cell, by its cost; negative if blocked. Shape (256,)."""

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from nav_bundle.planning.navfn_kernel import (
     spread,
 )
 from nav_bundle.planning.planner import GoalOutsideError, NoPathError, Path, StartOutsideError
+from pioneer_node.core.parameter import WithoutEffect
 
 NEUTRAL_COST = 50
 """Weight of a free cell."""
@@ -48,21 +50,23 @@ _CLOSED = 255
 _BLOCK_WEIGHTS = np.append(np.arange(_CLOSED) * float(BLOCK), -1.0).astype(np.float32)
 _NO_GUIDE = np.empty((0, 0), np.float32)
 
+WHOLE_MAP = WithoutEffect("is read and not used, as in Noetic: plans are searched in the whole map")
+NO_CLOUD = WithoutEffect("is not available: no cloud of potentials is published")
+
 
 @dataclass(frozen=True)
 class NavfnConfig:
     """Parameters under ``~NavfnROS``.
 
-    ``planner_window_x``, ``planner_window_y`` and ``visualize_potential`` are accepted without effect.
     Not in Noetic: ``keep_right`` passes unmapped obstacles, such as other robots, on the right unless that is a metre
     longer, so that two robots that meet do not dodge to the same side.
     """
 
     allow_unknown: bool = True
     default_tolerance: float = 0.0
-    visualize_potential: bool = False
-    planner_window_x: float = 0.0
-    planner_window_y: float = 0.0
+    visualize_potential: Annotated[bool, NO_CLOUD] = False
+    planner_window_x: Annotated[float, WHOLE_MAP] = 0.0
+    planner_window_y: Annotated[float, WHOLE_MAP] = 0.0
     keep_right: bool = True
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from nav_bundle.base.error import NavigationError
 from nav_bundle.base.pose import Pose
 from nav_bundle.costmap.costmap import Costmap
+from nav_bundle.costmap.geometry import Geometry
 
 Path = NDArray[np.float64]
 """Poses (x, y [m], yaw [rad]), shape (n, 3), from the robot to the goal, in the global costmap's frame."""
@@ -54,6 +55,27 @@ class GlobalPlanner(Protocol):
             GoalOutsideError: the goal is not on the costmap.
         """
         ...
+
+
+def nearest_inside(place: Geometry, goal: Pose, tolerance: float) -> Pose:
+    """Returns the nearest pose to ``goal`` on the costmap; ``goal`` if that is more than ``tolerance`` [m] away."""
+    margin = place.resolution / 2.0
+    right = place.origin_x + place.cols * place.resolution
+    top = place.origin_y + place.rows * place.resolution
+    if place.contains(place.cell_at(goal.x, goal.y)):
+        return goal
+    x = min(max(goal.x, place.origin_x + margin), right - margin)
+    y = min(max(goal.y, place.origin_y + margin), top - margin)
+    inside = Pose(x, y, goal.yaw)
+    return inside if inside.distance(goal) <= tolerance else goal
+
+
+def with_goal(path: Path, goal: Pose, resolution: float) -> Path:
+    """Returns ``path``, with ``goal`` appended if the path ends more than a cell of ``resolution`` [m] beside it."""
+    end = Pose(float(path[-1, 0]), float(path[-1, 1]))
+    if end.distance(goal) <= resolution:
+        return path
+    return np.vstack([path, [goal.x, goal.y, goal.yaw]])
 
 
 EVERYTHING = 1 << 62

@@ -58,6 +58,31 @@ class UnknownNames:
             )
 
 
+@dataclasses.dataclass(frozen=True)
+class WithoutEffect:
+    """Marks a configuration field that is taken and not used: ``size: Annotated[float, WithoutEffect("why")] = 1.0``.
+
+    A value other than the default causes a warning with the reason, which follows the parameter's name.
+    """
+
+    reason: str
+
+
+ONLY_LIVE = WithoutEffect("acts only when it is set by dynamic_reconfigure")
+"""For ``restore_defaults``."""
+
+
+def without_effect(config_class: type[Any]) -> dict[str, str]:
+    """Returns the reasons of the fields of a configuration dataclass that are marked ``WithoutEffect``, by name."""
+    hints = typing.get_type_hints(config_class, include_extras=True)
+    return {
+        field.name: mark.reason
+        for field in dataclasses.fields(config_class)
+        for mark in getattr(hints[field.name], "__metadata__", ())
+        if isinstance(mark, WithoutEffect)
+    }
+
+
 UNKNOWN = UnknownNames()
 """The process-wide instance; ``pioneer_node.nodes.entry.parameters`` sets ``strict`` from ``strict_parameters``."""
 
@@ -89,7 +114,12 @@ def config_from_mapping(
             UNKNOWN.report(owner, name, names)
             continue
         values[name] = value_as(hints[name], value, f"{owner}: parameter ~{name}")
-    return config_class(**values)
+    config = config_class(**values)
+    unused = without_effect(config_class)
+    for field in dataclasses.fields(config_class):
+        if field.name in unused and values.get(field.name, field.default) != field.default:
+            UNKNOWN.complain(f"{owner}: ~{field.name} {unused[field.name]}")
+    return config
 
 
 def namespace_in(parameters: Mapping[str, Any], name: str, owner: str) -> Mapping[str, Any]:
