@@ -190,3 +190,40 @@ def test_a_laser_mounted_upside_down_is_read_the_other_way_round() -> None:
     assert np.allclose(
         np.sort(points, axis=0), np.sort(flipped.thinned(180, 0, 0).end_points(), axis=0), atol=1e-5
     )
+
+
+def half_scan(robot: FakeRobot, mount: Pose) -> Scan:
+    """Returns the scan of a laser at ``mount`` that sees half a circle ahead of itself."""
+    ranges = ranges_at(robot.grid, robot.pose, mount)[45:135]
+    first = -math.pi + 45 * math.tau / 179
+    return Scan(ranges.astype(np.float32), first, math.tau / 179, 0.1, 30.0, mount)
+
+
+def test_of_several_lasers_each_is_used_once_after_a_movement() -> None:
+    """Both send a scan at each step; the rear one's used to be dropped for ever."""
+    robot, localisation = localised(CONFIG, 3)
+    mounts = {"front": Pose(0.2, 0.0, 0.0), "rear": Pose(-0.2, 0.0, math.pi)}
+    used, errors, map_from_odom = [], [], None
+    for _ in range(60):
+        for name, mount in mounts.items():
+            if localisation.due(robot.odom, name):
+                used.append(name)
+                update = localisation.advance(robot.odom, half_scan(robot, mount), name)
+                map_from_odom = update.map_from_odom or map_from_odom
+        assert map_from_odom is not None
+        errors.append(map_from_odom.compose(robot.odom).distance(robot.pose))
+        robot.drive(0.05, 0.0)
+    assert used == ["front", "rear"] * (len(used) // 2)
+    assert 20 <= len(used) <= 30
+    assert np.mean(errors[10:]) < 0.05
+
+
+def test_a_forced_update_uses_each_laser_once() -> None:
+    robot, localisation = localised(CONFIG, 3)
+    for name in ("front", "rear"):
+        localisation.advance(robot.odom, robot.scan(), name)
+        assert not localisation.due(robot.odom, name)
+    localisation.force_update()
+    assert localisation.due(robot.odom, "rear")
+    localisation.advance(robot.odom, robot.scan(), "rear")
+    assert [localisation.due(robot.odom, name) for name in ("rear", "front")] == [False, True]

@@ -250,3 +250,27 @@ def test_transforms_go_out_while_a_scan_is_matched() -> None:
 def test_values_out_of_range_are_refused_by_name(name: str, value: float) -> None:
     with pytest.raises(ParameterError, match=f"~{name} must"):
         dataclasses.replace(GmappingConfig(), **{name: value})
+
+
+def half_scan(robot: FakeRobot, mount: Pose) -> Scan:
+    """Returns the scan of a laser at ``mount`` that sees half a circle ahead of itself."""
+    ranges = ranges_at(robot.grid, robot.pose, mount, 180, 12.0)[45:135]
+    seen = np.where(ranges < 12.0, ranges, np.inf).astype(np.float32)
+    return Scan(seen, -math.pi + 45 * math.tau / 179, math.tau / 179, 0.1, 12.0, mount)
+
+
+def test_two_lasers_draw_one_map() -> None:
+    """The way from one laser to the other on the robot used to count as the robot's movement."""
+    robot, slam = in_room(0)
+    mounts = {"front": Pose(0.2, 0.0, 0.0), "rear": Pose(-0.2, 0.0, math.pi)}
+    used = []
+    for number, step in enumerate([(0.0, 0.0), *laps((6.3, 3.8), 1)]):
+        robot.drive(*step)
+        for name, mount in mounts.items():
+            if slam.observe(robot.odom, half_scan(robot, mount), 0.1 * number, name):
+                used.append(name)
+    assert used == ["front", "rear"] * (len(used) // 2)
+    assert slam.map_from_odom is not None
+    found = robot.map_from_world.inverse().compose(slam.map_from_odom.compose(robot.odom))
+    assert found.distance(robot.pose) < 0.08
+    assert abs(angle_difference(found.yaw, robot.pose.yaw)) < 0.03

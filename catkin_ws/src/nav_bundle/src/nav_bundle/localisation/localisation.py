@@ -74,6 +74,7 @@ class Localisation:
         self._free: FreeSpace | None = None
         self._odom: Pose | None = None
         self._forced = self._scattered = False
+        self._used: set[str] = set()  # lasers whose scans were used since the robot last moved
         self._updates = self._doubts = 0
         self.agreement = (
             1.0  #: share of the last scan's beams that fit the map; 1 without ``refine_estimate``
@@ -138,15 +139,20 @@ class Localisation:
         """Makes the next scan due even if the robot has not moved."""
         self._forced = True
 
-    def due(self, odom: Pose) -> bool:
-        """Returns whether a scan at odometry pose ``odom`` is due: first scan, forced, or enough movement."""
+    def due(self, odom: Pose, laser: str = "") -> bool:
+        """Returns whether a scan at odometry pose ``odom`` is due: first scan, forced, or enough movement.
+
+        Of each laser, named by ``laser``, one scan is due then.
+        """
         if self._odom is None or self._forced:
             return True
         turn = angle_difference(odom.yaw, self._odom.yaw)
         step = max(abs(odom.x - self._odom.x), abs(odom.y - self._odom.y))
-        return step > self._config.update_min_d or abs(turn) > self._config.update_min_a
+        if step > self._config.update_min_d or abs(turn) > self._config.update_min_a:
+            self._used.clear()
+        return laser not in self._used
 
-    def advance(self, odom: Pose, scan: Scan) -> Update:
+    def advance(self, odom: Pose, scan: Scan, laser: str = "") -> Update:
         """Moves the particles to odometry pose ``odom`` (odom frame, at the scan's time), weights and resamples them.
 
         The first scan after a restart always gives an estimate; later only every ``resample_interval``-th scan does.
@@ -161,6 +167,9 @@ class Localisation:
             self._updates = 0
         else:
             self._move(self._filter.poses, self._odom, odom, self._generator)
+        if first or self._forced:
+            self._used.clear()
+        self._used.add(laser)
         self._odom, self._forced = odom, False
         config = self._config
         beams = self._thinned(scan, config.laser_max_beams)

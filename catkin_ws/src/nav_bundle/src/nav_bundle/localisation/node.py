@@ -68,8 +68,8 @@ def read_config() -> AmclConfig:
 class AmclNode:
     """Localises a robot in a map from laser scans and odometry.
 
-    Subscribes: ``scan`` (sensor_msgs/LaserScan), ``initialpose`` (geometry_msgs/PoseWithCovarianceStamped), ``map``
-    (nav_msgs/OccupancyGrid, with ~use_map_topic), /tf, /tf_static.
+    Subscribes: ``scan`` (sensor_msgs/LaserScan, of one laser or of several, each in its own frame), ``initialpose``
+    (geometry_msgs/PoseWithCovarianceStamped), ``map`` (nav_msgs/OccupancyGrid, with ~use_map_topic), /tf, /tf_static.
 
     Publishes: ``amcl_pose`` (geometry_msgs/PoseWithCovarianceStamped, latched), ``particlecloud``
     (geometry_msgs/PoseArray, latched), /tf (map to odom), ``/diagnostics`` (diagnostic_msgs/DiagnosticArray, once per
@@ -81,7 +81,7 @@ class AmclNode:
     Parameters: ``AmclConfig``; ``Live`` ones can be changed at run time (``ReconfigureServer``). ``tf_prefix`` applies
     to the robot's frames, not to the map's.
 
-    Threads: callbacks store the newest scan or queue a command; ``spin`` does all the work.
+    Threads: callbacks store the newest scans or queue a command; ``spin`` does all the work.
 
     On error: scans without map or transforms are dropped with a warning that names what is missing. An invalid
     parameter ends the node, an unreadable ~correction_file does not. When simulated time starts again, so
@@ -93,7 +93,7 @@ class AmclNode:
         self._localisation = Localisation(config, np.random.default_rng(config.seed))
         self._store = PoseStore(config.save_pose_rate)
         self._arrived = threading.Condition()
-        self._scan: ScanMessage | None = None
+        self._newest: dict[str, ScanMessage] = {}  # the newest scan of each laser, by its frame
         self._commands: deque[Callable[[], None]] = deque()
         self._estimate: Estimate | None = None
         self._map_from_odom: Pose | None = None
@@ -123,7 +123,7 @@ class AmclNode:
             queue_size=2,
         )
         self._scans = rospy.Subscriber(
-            "scan", ScanMessage, self._on_scan, queue_size=1, tcp_nodelay=True
+            "scan", ScanMessage, self._on_scan, queue_size=10, tcp_nodelay=True
         )
         self._reconfiguration = ReconfigureServer(
             "~", config, self._on_reconfigure, (ParameterError,)
@@ -157,7 +157,7 @@ class AmclNode:
 
     def _on_scan(self, message: ScanMessage) -> None:
         with self._arrived:
-            self._scan = message
+            self._newest[message.header.frame_id] = message
             self._arrived.notify()
 
     def _queued(self, command: Callable[[Any], None]) -> Callable[[Any], None]:
@@ -208,18 +208,21 @@ class AmclNode:
         """Processes scans and commands until shutdown."""
         while not rospy.is_shutdown():
             with self._arrived:
-                self._arrived.wait_for(lambda: self._commands or self._scan or rospy.is_shutdown())
+                self._arrived.wait_for(
+                    lambda: self._commands or self._newest or rospy.is_shutdown()
+                )
             self.step()
 
     def step(self) -> None:
-        """Runs the queued commands and processes the newest scan."""
+        """Runs the queued commands and processes the newest scan of each laser, the oldest first."""
         with self._arrived:
-            commands, scan = list(self._commands), self._scan
+            commands = list(self._commands)
+            scans = sorted(self._newest.values(), key=lambda scan: scan.header.stamp)
             self._commands.clear()
-            self._scan = None
+            self._newest.clear()
         for command in commands:
             self._guarded(command)
-        if scan is not None:
+        for scan in scans:
             self._guarded(functools.partial(self._use_scan, scan))
 
     def ready(self) -> bool:
@@ -250,8 +253,9 @@ class AmclNode:
         )
         if self._remembered is not None:
             self._go_on(self._remembered, odom)
-        if self._localisation.due(odom):
-            update = self._localisation.advance(odom, scan_from_message(message, laser))
+        name = message.header.frame_id
+        if self._localisation.due(odom, name):
+            update = self._localisation.advance(odom, scan_from_message(message, laser), name)
             if update.estimate is not None:
                 self._estimate, self._map_from_odom = update.estimate, update.map_from_odom
                 self._publish_estimate(update.estimate, stamp)

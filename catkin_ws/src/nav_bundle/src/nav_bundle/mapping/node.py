@@ -62,7 +62,7 @@ class SlamGmappingNode:
             robot_frame(config.base_frame),
         )
         self._arrived = threading.Condition()
-        self._scan: ScanMessage | None = None
+        self._newest: dict[str, ScanMessage] = {}  # the newest scan of each laser, by its frame
         self._scans = 0
         self._dropping = StandingWarning("scans are used now")
         self._map: GridMessage | None = None
@@ -91,7 +91,7 @@ class SlamGmappingNode:
         with self._arrived:
             self._scans += 1
             if (self._scans - 1) % self._config.throttle_scans == 0:
-                self._scan = message
+                self._newest[message.header.frame_id] = message
                 self._arrived.notify()
 
     def _on_dynamic_map(self, _: GetMapRequest) -> GetMapArrayResponse:
@@ -107,16 +107,19 @@ class SlamGmappingNode:
         """Processes scans until shutdown."""
         while not rospy.is_shutdown():
             with self._arrived:
-                self._arrived.wait_for(lambda: self._scan or rospy.is_shutdown())
-                scan, self._scan = self._scan, None
-            if scan is None:
-                continue
-            try:
-                self._use(scan)
-                self._dropping.end()
-            except (TransformError, ObservationError) as error:
-                if not rospy.is_shutdown():
-                    self._dropping.warn(f"scans are dropped: {error}")
+                self._arrived.wait_for(lambda: self._newest or rospy.is_shutdown())
+                scans = sorted(self._newest.values(), key=lambda scan: scan.header.stamp)
+                self._newest.clear()
+            for scan in scans:
+                self._try(scan)
+
+    def _try(self, scan: ScanMessage) -> None:
+        try:
+            self._use(scan)
+            self._dropping.end()
+        except (TransformError, ObservationError) as error:
+            if not rospy.is_shutdown():
+                self._dropping.warn(f"scans are dropped: {error}")
 
     def _use(self, message: ScanMessage) -> None:
         self._read_clock()
@@ -124,7 +127,8 @@ class SlamGmappingNode:
         laser, odom = self._listener.place_of_scan(
             message.header, self._odom_frame, self._base_frame
         )
-        if not self._slam.observe(odom, scan_from_message(message, laser), stamp.to_sec()):
+        scan = scan_from_message(message, laser)
+        if not self._slam.observe(odom, scan, stamp.to_sec(), message.header.frame_id):
             return
         self._map_from_odom = self._slam.map_from_odom
         if count := self._slam.unmatched:

@@ -59,6 +59,8 @@ class Slam:
         self._logs = np.zeros(config.particles)
         self._sums = np.zeros(config.particles)
         self._distance = self._turn = self._stamp = 0.0
+        self._mount: Pose | None = None  # of the last scan's laser, in the robot's frame
+        self._used: set[str] = set()  # lasers whose scans were used since the robot last moved
 
     @property
     def best(self) -> int:
@@ -81,15 +83,17 @@ class Slam:
         config = self._config
         return self.maps.drawn(self.best, config.occ_thresh, config.xmax, config.ymax)
 
-    def observe(self, odom: Pose, scan: Scan, stamp: float) -> bool:
+    def observe(self, odom: Pose, scan: Scan, stamp: float, name: str = "") -> bool:
         """Moves the particles by odometry, and uses the scan if the robot has moved far enough since the last used one.
 
-        Call it with every scan: noise is drawn for each odometry step, as in gmapping.
+        Call it with every scan: noise is drawn for each odometry step, as in gmapping. Of several lasers each has its
+        scan used once the robot has moved.
 
         Args:
             odom: the robot's odometry pose at the scan's time.
             scan: the laser scan.
             stamp: time of the scan [s].
+            name: names the laser, if there are several.
 
         Returns:
             Whether the scan was used.
@@ -102,11 +106,15 @@ class Slam:
         if self._odom is None:
             self.poses[:] = laser.x, laser.y, laser.yaw
         else:
-            self._move(self._odom, laser)
+            self._move(self._remounted(self._odom, scan.laser), laser)
         self._odom = laser
-        if not (first or self._due(stamp)):
+        self._mount = scan.laser
+        if first or self._due(stamp):
+            self._distance, self._turn, self._stamp = 0.0, 0.0, stamp
+            self._used.clear()
+        if name in self._used:
             return False
-        self._distance, self._turn, self._stamp = 0.0, 0.0, stamp
+        self._used.add(name)
         beams = self._beams(scan)
         if not self.maps.fits(
             self.poses, float(beams.beams[:, 2].max(initial=0.0)) * self._config.delta
@@ -119,6 +127,22 @@ class Slam:
             self.maps.register(index, pose, beams.beams, beams.hits)
         self.map_from_odom = Pose(*self.poses[self.best].tolist()).compose(laser.inverse())
         return True
+
+    def _remounted(self, before: Pose, mount: Pose) -> Pose:
+        """Moves the particles, which are poses of the laser, to another laser of the robot; returns ``before`` there.
+
+        Args:
+            before: odometry pose of the laser whose scan was last observed.
+            mount: pose of the laser whose scan is observed now, in the robot's frame.
+        """
+        if self._mount is None or mount == self._mount:
+            return before
+        shift = self._mount.inverse().compose(mount)
+        cosine, sine = np.cos(self.poses[:, 2]), np.sin(self.poses[:, 2])
+        self.poses[:, 0] += cosine * shift.x - sine * shift.y
+        self.poses[:, 1] += sine * shift.x + cosine * shift.y
+        self.poses[:, 2] += shift.yaw
+        return before.compose(shift)
 
     def _due(self, stamp: float) -> bool:
         config = self._config
