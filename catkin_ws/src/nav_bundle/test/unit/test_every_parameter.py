@@ -24,7 +24,7 @@ from nav_bundle.costmap.config import (
 from nav_bundle.localisation.config import AmclConfig
 from nav_bundle.mapping.config import GmappingConfig
 from nav_bundle.move_base.config import MoveBaseConfig
-from nav_bundle.move_base.recovery import ClearConfig, RotateConfig
+from nav_bundle.move_base.recovery import ClearConfig, RotateConfig, SlowConfig
 from nav_bundle.planning.global_planner import GlobalPlannerConfig
 from nav_bundle.planning.navfn import NavfnConfig
 from pioneer_node.core.parameter import UNKNOWN, config_from_mapping, without_effect
@@ -46,6 +46,7 @@ CONFIGS: dict[str, type[Any]] = {
     "move_base/DWAPlannerROS": DwaConfig,
     "ClearCostmapRecovery": ClearConfig,
     "RotateRecovery": RotateConfig,
+    "MoveSlowAndClear": SlowConfig,
     "amcl": AmclConfig,
     "slam_gmapping": GmappingConfig,
 }

@@ -9,7 +9,8 @@ from nav_bundle.base.velocity import STANDSTILL, Velocity
 from nav_bundle.costmap.costmap import Costmap
 from nav_bundle.move_base import navigator
 from nav_bundle.move_base.config import setup_from_parameters
-from nav_bundle.move_base.navigator import Navigator, Sight
+from nav_bundle.move_base.navigator import Cycle, Navigator, Sight
+from nav_bundle.move_base.recovery import MoveSlowAndClear, SlowConfig
 from nav_bundle.move_base.state_machine import Outcome, Phase
 
 BODY = [[0.2, 0.2], [0.2, -0.2], [-0.3, -0.2], [-0.3, 0.2]]
@@ -143,3 +144,20 @@ def test_goals_that_arrive_faster_than_searches_end_do_not_slow_the_robot(robot,
     another = Robot(robot.planner)
     assert way_in(another, 0.05) > 0.95 * alone
     assert another.navigator._state.follows_earlier, "the searches were not slow"
+
+
+def test_a_recovery_s_speed_limit_holds_until_the_robot_has_left_the_place(robot):
+    recovery = MoveSlowAndClear("slow", SlowConfig(limited_trans_speed=0.1, limited_distance=0.3))
+    robot.pose = start = Pose(1.5, 3.0, 0.0)
+    robot.goal = Pose(8.0, 3.0, 0.0)
+    robot.begin()
+    robot.navigator._recovery = recovery
+    robot.navigator._end_recovery(Cycle())
+    velocity, limited = STANDSTILL, True
+    for _ in range(160):
+        velocity = robot.cycle(velocity).command or velocity
+        limited = limited and robot.pose.distance(start) <= 0.3
+        assert not limited or velocity.x <= 0.1
+        robot.pose = robot.pose.compose(Pose(0.05 * velocity.x, 0.0, 0.05 * velocity.turn))
+    assert not limited
+    assert velocity.x > 0.4

@@ -14,9 +14,12 @@ from nav_bundle.move_base.recovery import (
     BackUp,
     ClearConfig,
     ClearCostmapRecovery,
+    MoveSlowAndClear,
     RotateConfig,
     RotateRecovery,
+    SlowConfig,
     Surroundings,
+    recoveries_from_parameters,
 )
 
 PARAMETERS = {
@@ -92,6 +95,8 @@ BEHAVIOURS = {
     "rotate slowly": lambda: RotateRecovery(
         "rotate", RotateConfig(min_in_place_rotational_vel=0.0)
     ),
+    "clear inside": lambda: ClearCostmapRecovery("reset", ClearConfig(invert_area_to_clear=True)),
+    "slow": lambda: MoveSlowAndClear("slow", SlowConfig()),
     "back up": lambda: BackUp(RotateRecovery("rotate", RotateConfig())),
 }
 
@@ -105,7 +110,7 @@ def test_every_recovery_ends_although_the_robot_does_not_move_and_says_so(kind):
         while recovery.step(around(costmap, now=now)) is not None:
             now += 0.5
             assert now < 400.0
-        assert kind == "clear" or "has not" in recovery.complaint
+        assert kind in ("clear", "clear inside", "slow") or "has not" in recovery.complaint
 
 
 def test_a_robot_that_backs_up_as_commanded_is_not_reported():
@@ -117,3 +122,34 @@ def test_a_robot_that_backs_up_as_commanded_is_not_reported():
         x += velocity.x * 0.05
     assert -0.4 < x < -0.3
     assert recovery.complaint == ""
+
+
+def test_inverted_clearing_forgets_what_lies_within_half_the_reset_distance():
+    costmap = costmap_with((0.9, 0.0), (1.9, 0.0))
+    config = ClearConfig(reset_distance=3.0, invert_area_to_clear=True)
+    ClearCostmapRecovery("reset", config).step(around(costmap))
+    costmap.update(Pose(), [])
+    (cell,) = np.argwhere(costmap.cells == LETHAL)
+    assert cell[1] == costmap.geometry.col_of(1.9)
+
+
+@pytest.mark.parametrize(("names", "left"), [(["obstacle_layer"], 1), (["other"], 2), ((), 1)])
+def test_clearing_is_limited_to_the_named_layers(names, left):
+    costmap = costmap_with((0.9, 0.0), (1.9, 0.0))
+    config = ClearConfig(reset_distance=3.0, layer_names=names)
+    ClearCostmapRecovery("reset", config).step(around(costmap))
+    costmap.update(Pose(), [])
+    assert (costmap.cells == LETHAL).sum() == left
+
+
+def test_move_slow_and_clear_is_read_from_move_base_s_parameters():
+    parameters = {
+        "recovery_behaviors": [{"name": "slow", "type": "move_slow_and_clear/MoveSlowAndClear"}],
+        "slow": {"clearing_distance": 1.0, "limited_trans_speed": 0.1, "limited_rot_speed": 0.2},
+    }
+    (recovery,) = recoveries_from_parameters(parameters, 0.3)
+    costmap = costmap_with((0.9, 0.0), (1.9, 0.0))
+    assert recovery.step(around(costmap)) is None
+    costmap.update(Pose(), [])
+    assert (costmap.cells == LETHAL).sum() == 1
+    assert (recovery.limit.speed, recovery.limit.turn, recovery.limit.distance) == (0.1, 0.2, 0.3)

@@ -1,7 +1,7 @@
 """Parameters of DWAPlannerROS, with dwa_local_planner's names."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 from nav_bundle.control.trajectory_config import LOCAL_FRAME, with_samples
@@ -79,6 +79,18 @@ class DwaConfig:
     publish_cost_grid_pc: Annotated[bool, Live()] = False
     restore_defaults: Annotated[bool, Live(), ONLY_LIVE] = False
     global_frame_id: Annotated[str, LOCAL_FRAME] = ""
+
+    def limited(self, speed: float, turn: float) -> "DwaConfig":
+        """Returns the configuration with at most these speeds [m/s] and [rad/s]; lower bounds give way."""
+        return replace(
+            self,
+            max_vel_trans=min(self.max_vel_trans, speed),
+            min_vel_trans=min(self.min_vel_trans, speed),
+            max_vel_x=min(self.max_vel_x, speed),
+            min_vel_x=min(max(self.min_vel_x, -speed), speed),
+            max_vel_theta=min(self.max_vel_theta, turn),
+            min_vel_theta=min(self.min_vel_theta, turn),
+        )
 
 
 def dwa_config_from_parameters(

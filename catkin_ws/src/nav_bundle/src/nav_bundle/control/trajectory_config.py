@@ -85,6 +85,17 @@ class TrajectoryConfig:
     world_model: Annotated[str, WithoutEffect("is not used: there is only 'costmap'")] = "costmap"
     global_frame_id: Annotated[str, LOCAL_FRAME] = ""
 
+    def limited(self, speed: float, turn: float) -> "TrajectoryConfig":
+        """Returns the configuration with at most these speeds [m/s] and [rad/s]; lower bounds give way."""
+        return replace(
+            self,
+            max_vel_x=min(self.max_vel_x, speed),
+            min_vel_x=min(self.min_vel_x, speed),
+            max_vel_theta=min(self.max_vel_theta, turn),
+            min_vel_theta=max(self.min_vel_theta, -turn),
+            min_in_place_vel_theta=min(self.min_in_place_vel_theta, turn),
+        )
+
 
 def trajectory_config_from_parameters(
     parameters: Mapping[str, Any], owner: str, frequency: float

@@ -1,6 +1,6 @@
 """A layered costmap that recomputes only the cells that changed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -238,11 +238,32 @@ class Costmap:
             layer.shift(down, right)
         return True
 
-    def clear_outside(self, pose: Pose, side: float) -> None:
-        """Clears sensor data outside the square of ``side`` [m] around ``pose``; effective at the next update."""
-        for layer in self._obstacles.values():
+    def clear_outside(self, pose: Pose, side: float, names: Collection[str] = ()) -> None:
+        """Clears sensor data outside the square of ``side`` [m] around ``pose``; effective at the next update.
+
+        Args:
+            pose: centre of the square, in the costmap's frame.
+            side: its length [m].
+            names: the obstacle layers to clear; empty for all.
+        """
+        for layer in self._named(names):
             layer.clear_outside(self.geometry, pose, side)
         self._pending = self.geometry.everything
+
+    def clear_inside(self, pose: Pose, side: float, names: Collection[str] = ()) -> None:
+        """Clears sensor data inside the square of ``side`` [m] around ``pose``; see ``clear_outside``."""
+        for layer in self._named(names):
+            layer.clear_inside(self.geometry, pose, side)
+        self._pending = self.geometry.everything
+
+    def _named(self, names: Collection[str]) -> list[ObstacleLayer]:
+        """Returns the obstacle layers with these names; all without names."""
+        layer_names = self.config.layer_names
+        return [
+            layer
+            for index, layer in self._obstacles.items()
+            if not names or layer_names[index] in names
+        ]
 
     def open_around(self, pose: Pose, side: float) -> None:
         """Makes the square of ``side`` [m] around ``pose`` free until the next update."""

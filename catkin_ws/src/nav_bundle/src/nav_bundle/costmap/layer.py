@@ -266,11 +266,13 @@ class ObstacleLayer:
             y_0, y_1 = min(y_0, each.sensor_y - reach), max(y_1, each.sensor_y + reach)
         return geometry.window_between(x_0, y_0, x_1, y_1)
 
+    def clear_inside(self, geometry: Geometry, pose: Pose, side: float) -> None:
+        """Clears all cells inside the square of ``side`` [m] around ``pose``."""
+        self.cells[_square(geometry, pose, side)] = self._default
+
     def clear_outside(self, geometry: Geometry, pose: Pose, side: float) -> None:
         """Clears all cells outside the square of ``side`` [m] around ``pose``."""
-        half = side / 2.0
-        rows = slice(max(geometry.row_of(pose.y - half), 0), max(geometry.row_of(pose.y + half), 0))
-        cols = slice(max(geometry.col_of(pose.x - half), 0), max(geometry.col_of(pose.x + half), 0))
+        rows, cols = _square(geometry, pose, side)
         kept = self.cells[rows, cols].copy()
         self.cells.fill(self._default)
         self.cells[rows, cols] = kept
@@ -279,6 +281,14 @@ class ObstacleLayer:
         """Merges the layer into the window of ``master``."""
         merge = kernel.merge_highest if self.config.combination_method == 1 else kernel.merge_known
         merge(master, self.cells, window)
+
+
+def _square(geometry: Geometry, pose: Pose, side: float) -> tuple[slice, slice]:
+    """Returns the rows and columns of the square of ``side`` [m] around ``pose``."""
+    half = side / 2.0
+    rows = slice(max(geometry.row_of(pose.y - half), 0), max(geometry.row_of(pose.y + half), 0))
+    cols = slice(max(geometry.col_of(pose.x - half), 0), max(geometry.col_of(pose.x + half), 0))
+    return rows, cols
 
 
 class InflationLayer:

@@ -14,7 +14,12 @@ from numpy.typing import NDArray
 from nav_bundle.base.pose import Pose
 from nav_bundle.base.scan import Picture
 from nav_bundle.base.velocity import Velocity
-from nav_bundle.control.local_planner import Decision, LocalPlannerError, Situation
+from nav_bundle.control.local_planner import (
+    Decision,
+    LocalPlanner,
+    LocalPlannerError,
+    Situation,
+)
 from nav_bundle.costmap.costmap import Costmap
 from nav_bundle.move_base.config import Setup
 from nav_bundle.move_base.pushing import PushingWatch
@@ -30,7 +35,12 @@ from nav_bundle.move_base.reason import (
     way_blocked,
     without_progress,
 )
-from nav_bundle.move_base.recovery import BackUp, Recovery, Surroundings
+from nav_bundle.move_base.recovery import (
+    BackUp,
+    Recovery,
+    SpeedLimit,
+    Surroundings,
+)
 from nav_bundle.move_base.state_machine import (
     Event,
     Finish,
@@ -121,6 +131,8 @@ class Navigator:
         self._setup, self._refresh = setup, refresh
         self._global, self._local = global_costmap, local_costmap
         self.planner = setup.make_global_planner()
+        self._limit: SpeedLimit | None = None  # of a recovery behaviour that has ended
+        self._limited_at: Pose | None = None  # where the limit began, in the local costmap's frame
         self._controller = setup.make_local_planner()
         self._state = State()
         self._goal: Pose | None = None
@@ -162,9 +174,29 @@ class Navigator:
             self.planner = setup.make_global_planner()
         self._pushing = PushingWatch(setup.base.pushing_timeout)
         if not setup.drives_as(before):
-            self._controller = setup.make_local_planner()
-            if self._choice.followed is not None:
-                self._controller.set_plan(self._choice.followed.path)
+            self._renew_controller()
+
+    def _make_controller(self) -> LocalPlanner:
+        """Returns a new local planner, with the speeds that a recovery behaviour allows."""
+        if self._limit is None:
+            return self._setup.make_local_planner()
+        slow = self._setup.local_planner.limited(self._limit.speed, self._limit.turn)
+        return replace(self._setup, local_planner=slow).make_local_planner()
+
+    def _renew_controller(self) -> None:
+        """Makes a new local planner that follows the same plan."""
+        self._controller = self._make_controller()
+        if self._choice.followed is not None:
+            self._controller.set_plan(self._choice.followed.path)
+
+    def _watch_limit(self, pose: Pose) -> None:
+        """Lifts a recovery behaviour's speed limit once the robot has left the place."""
+        if self._limit is None:
+            return
+        self._limited_at = self._limited_at or pose
+        if pose.distance(self._limited_at) > self._limit.distance:
+            self._limit = self._limited_at = None
+            self._renew_controller()
 
     def look_around(self, pose: Pose | None, now: float) -> None:
         """Finds unmapped obstacles near ``pose`` and on the plan; call it after each update of the global costmap."""
@@ -274,6 +306,7 @@ class Navigator:
             or sight.velocity is None
         ):
             return None
+        self._watch_limit(sight.local_pose)
         fastest = self._setup.care.speed(self._unmapped, sight.pose)
         situation = Situation(
             self._local, sight.local_pose, sight.velocity, sight.local_from_global, fastest
@@ -288,6 +321,9 @@ class Navigator:
         assert self._recovery is not None
         if self._recovery.complaint:
             result.warnings.append(self._recovery.complaint)
+        if self._recovery.limit is not None:
+            self._limit, self._limited_at = self._recovery.limit, None
+            self._renew_controller()
         self._recovery = None
         self._refresh()
 
@@ -377,7 +413,7 @@ class Navigator:
         """Forgets the plan and all that it brought: nothing of it applies to ``goal``, even at the same place."""
         self._chosen_goal = goal
         self._choice = PlanChoice()
-        self._controller = self._setup.make_local_planner()
+        self._controller = self._make_controller()
 
     def _explained(self, finish: Finish, pose: Pose | None) -> Finish:
         """Returns ``finish`` with the reason in its text, if the goal was given up."""

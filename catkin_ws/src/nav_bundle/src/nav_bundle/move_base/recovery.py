@@ -57,14 +57,25 @@ class Movement:
         return now - self._begun > self.limit
 
 
+@dataclass(frozen=True)
+class SpeedLimit:
+    """Speeds [m/s] and [rad/s] that a recovery behaviour allows for the next ``distance`` [m]."""
+
+    speed: float
+    turn: float
+    distance: float
+
+
 class Recovery(Protocol):
     """One recovery behaviour, executed in steps. It ends in bounded time, whatever the robot does.
 
-    ``name`` is its parameter namespace; ``complaint`` is the reason if it ended early, else empty.
+    ``name`` is its parameter namespace; ``complaint`` is the reason if it ended early, else empty. ``limit`` holds for
+    the robot once the behaviour has ended.
     """
 
     name: str
     complaint: str
+    limit: SpeedLimit | None
 
     def start(self) -> None:
         """Starts the behaviour from the beginning."""
@@ -75,11 +86,15 @@ class Recovery(Protocol):
         ...
 
 
+_EVERY_PLANNER = WithoutEffect("is not used: the limit holds for every local planner")
+
+
 @dataclass(frozen=True)
 class ClearConfig:
     """Parameters of clear_costmap_recovery: side of the square that is kept [m], and which costmaps to clear.
 
-    ``layer_names`` is accepted without effect: every obstacle layer is cleared.
+    With ``invert_area_to_clear`` the square is cleared, and what is outside it is kept. ``layer_names`` are the
+    obstacle layers to clear; empty for all.
     """
 
     reset_distance: float = 3.0
@@ -92,13 +107,13 @@ class ClearConfig:
 
 
 class ClearCostmapRecovery:
-    """Clears sensor obstacles outside the square of side ``reset_distance`` around the robot."""
+    """Clears sensor obstacles outside the square of side ``reset_distance`` around the robot, or inside it."""
+
+    limit: SpeedLimit | None = None
 
     def __init__(self, name: str, config: ClearConfig) -> None:
         self.name, self.complaint = name, ""
         self._config = config
-        if config.invert_area_to_clear:
-            raise ParameterError(f"~{name}/invert_area_to_clear true is not available")
         if config.affected_maps not in ("local", "global", "both"):
             raise ParameterError(
                 f"~{name}/affected_maps must be local, global or both, not {config.affected_maps!r}"
@@ -110,9 +125,54 @@ class ClearCostmapRecovery:
     def step(self, around: Surroundings) -> Velocity | None:
         """Clears the costmaps; always returns None, since one step is enough."""
         if self._config.affected_maps in ("global", "both"):
-            around.global_costmap.clear_outside(around.global_pose, self._config.reset_distance)
+            self._clear(around.global_costmap, around.global_pose)
         if self._config.affected_maps in ("local", "both"):
-            around.local_costmap.clear_outside(around.local_pose, self._config.reset_distance)
+            self._clear(around.local_costmap, around.local_pose)
+        return None
+
+    def _clear(self, costmap: Costmap, pose: Pose) -> None:
+        config = self._config
+        clear = costmap.clear_inside if config.invert_area_to_clear else costmap.clear_outside
+        clear(pose, config.reset_distance, _names(config.layer_names))
+
+
+@dataclass(frozen=True)
+class SlowConfig:
+    """Parameters of move_slow_and_clear.
+
+    Sensor obstacles nearer than ``clearing_distance`` [m] are cleared; then the robot drives at most at
+    ``limited_trans_speed`` [m/s] and ``limited_rot_speed`` [rad/s] until it is ``limited_distance`` [m] away.
+    """
+
+    clearing_distance: float = 0.5
+    limited_trans_speed: float = 0.25
+    limited_rot_speed: float = 0.45
+    limited_distance: float = 0.3
+    max_trans_param_name: Annotated[str, _EVERY_PLANNER] = "max_trans_vel"
+    max_rot_param_name: Annotated[str, _EVERY_PLANNER] = "max_rot_vel"
+    planner_namespace: Annotated[str, _EVERY_PLANNER] = "DWAPlannerROS"
+    layer_names: Any = ()
+
+
+class MoveSlowAndClear:
+    """Clears sensor obstacles around the robot, which then leaves the place slowly."""
+
+    def __init__(self, name: str, config: SlowConfig) -> None:
+        self.name, self.complaint = name, ""
+        self._config = config
+        self.limit: SpeedLimit | None = SpeedLimit(
+            config.limited_trans_speed, config.limited_rot_speed, config.limited_distance
+        )
+
+    def start(self) -> None:
+        """Does nothing."""
+
+    def step(self, around: Surroundings) -> Velocity | None:
+        """Clears both costmaps around the robot; always returns None, since one step is enough."""
+        side = 2.0 * self._config.clearing_distance
+        names = _names(self._config.layer_names)
+        around.global_costmap.clear_inside(around.global_pose, side, names)
+        around.local_costmap.clear_inside(around.local_pose, side, names)
         return None
 
 
@@ -136,6 +196,8 @@ class RotateRecovery:
     As in Noetic, a ``yaw_goal_tolerance`` of more than half a turn (3.15 means any heading) ends the rotation at once.
     A laser with a full field of view gains nothing from it.
     """
+
+    limit: SpeedLimit | None = None
 
     def __init__(self, name: str, config: RotateConfig) -> None:
         self.name, self.complaint = name, ""
@@ -202,6 +264,7 @@ class BackUp:
     def __init__(self, following: Recovery) -> None:
         self._following = following
         self.name, self.complaint = following.name, ""
+        self.limit = following.limit
         self._from: Pose | None = None
         self._away = False
         self._movement = Movement(_BACK / -_BACKWARDS)
@@ -235,6 +298,11 @@ class BackUp:
             text for text in (self._failure, self._following.complaint) if text
         )
         return velocity
+
+
+def _names(value: Any) -> tuple[str, ...]:
+    """Returns the names in ``layer_names``: a list, or a single name."""
+    return (value,) if isinstance(value, str) else tuple(str(name) for name in value)
 
 
 def recoveries_from_parameters(
@@ -306,6 +374,19 @@ def _rotate(parameters: Mapping[str, Any], name: str, _: float) -> Recovery:
     return RotateRecovery(name, config_from_mapping(RotateConfig, own, f"~{name}"))
 
 
+def _slow(parameters: Mapping[str, Any], name: str, _: float) -> Recovery:
+    own = namespace_in(parameters, name, "~recovery_behaviors")
+    config = config_from_mapping(SlowConfig, own, f"~{name}")
+    for each in ("limited_trans_speed", "limited_rot_speed"):
+        if getattr(config, each) <= 0.0:
+            raise ParameterError(f"~{name}/{each} must be positive, not {getattr(config, each)}")
+    return MoveSlowAndClear(name, config)
+
+
 Maker = Callable[[Mapping[str, Any], str, float], Recovery]
-_MAKERS: dict[str, Maker] = {"ClearCostmapRecovery": _clear, "RotateRecovery": _rotate}
+_MAKERS: dict[str, Maker] = {
+    "ClearCostmapRecovery": _clear,
+    "RotateRecovery": _rotate,
+    "MoveSlowAndClear": _slow,
+}
 """By type: creates the behaviour from move_base's parameters, its name and the default reset distance [m]."""
