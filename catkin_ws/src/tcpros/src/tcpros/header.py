@@ -12,11 +12,26 @@ from tcpros.error import TcprosError
 MAX_HEADER = 64 * 1024
 """Maximum size of a header, without its length prefix [bytes]."""
 
+MAX_TEXT = 1000
+"""Longer texts of peers are cut [characters]."""
+
 _LENGTH = struct.Struct("<I")
 
 
 class HeaderError(TcprosError):
     """The data is not a connection header, or the header is too long."""
+
+
+def printable(text: str) -> str:
+    """Returns a peer's text as it may be logged, and sent in messages and XML.
+
+    A header's fields hold any bytes. What is no printable character, invalid UTF-8 included, becomes U+FFFD.
+    """
+    if len(text) > MAX_TEXT:
+        text = text[: MAX_TEXT - 1] + "…"
+    if text.isprintable():
+        return text
+    return "".join(character if character.isprintable() else "\ufffd" for character in text)
 
 
 def header_bytes(fields: Mapping[str, str]) -> bytes:

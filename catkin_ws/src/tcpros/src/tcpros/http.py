@@ -102,7 +102,7 @@ def _length(fields: dict[str, str], default: int, most: int) -> int:
     if text is None:
         return default
     if not (text.isascii() and text.isdigit()) or len(text) > 9 or int(text) > most:
-        raise HttpError(f"an HTTP body of {text[:20]} bytes; {most} are allowed")
+        raise HttpError(f"an HTTP body of {text[:20]!r} bytes; {most} are allowed")
     return int(text)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 from tcpros.error import TcprosError
 from tcpros.fanout import Fanout
 from tcpros.frame import MAX_MESSAGE
-from tcpros.header import header_bytes
+from tcpros.header import header_bytes, printable
 from tcpros.node_context import NodeContext
 from tcpros.node_port import Ended, NodePort, RefusedError
 from tcpros.reactor import Reactor
@@ -77,7 +77,7 @@ class Publication:
         for field, ours in (("md5sum", self._md5sum), ("type", self.type)):
             if fields.get(field, "*") not in ("*", ours):
                 raise RefusedError(f"the topic's {field} is {ours}, not {fields[field]}")
-        self.subscribers[connection] = fields.get("callerid", "")
+        self.subscribers[connection] = printable(fields.get("callerid", ""))
         connection.send(self._header)
         connection.backlog.bound(QUEUE_MESSAGES, QUEUE_BYTES, drops_first=True)
         self._fanout.join(connection)

@@ -11,7 +11,7 @@ from functools import partial
 from typing import Protocol
 
 from tcpros.error import TcprosError
-from tcpros.header import header_bytes, header_parser
+from tcpros.header import header_bytes, header_parser, printable
 from tcpros.http import http_message, http_response
 from tcpros.listener import Listener
 from tcpros.node_context import NodeContext
@@ -169,7 +169,7 @@ class NodeConnection(Stream):
         try:
             ended = self._port.admit(self, fields)
         except RefusedError as error:
-            self.finish(header_bytes({"error": str(error)}))
+            self.finish(header_bytes({"error": printable(str(error))}))
             return
         if self.is_closed:  # closed while the response was being sent
             ended("")

@@ -101,5 +101,5 @@ class Conversation:
 
 def failure(reason: str) -> bytes:
     """Returns the response that reports a failed call."""
-    text = reason.encode()
+    text = reason.encode(errors="replace")
     return _FAILED + _LENGTH.pack(len(text)) + text

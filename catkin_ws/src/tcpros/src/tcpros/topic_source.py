@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from tcpros.dialled_stream import DialledStream
 from tcpros.frame import LENGTH_SIZE
-from tcpros.header import header_bytes, header_parser
+from tcpros.header import header_bytes, header_parser, printable
 from tcpros.node_context import NodeContext, Pause
 from tcpros.reactor import Timer
 from tcpros.stream import message_parser
@@ -18,7 +18,11 @@ class Sender(NamedTuple):
 
     name: str  #: node name
     latching: bool
+    original: str = ""  #: the node whose messages it relays from another master; else its own name
 
+
+RELAYED_NODE = "relayed_node"
+"""Field of a relay's connection header: the name of the publishing node on its own master."""
 
 Taken = Callable[[memoryview, Sender], object]
 """Called with each message and its publisher. The message has no length prefix and is valid only during the call."""
@@ -53,7 +57,7 @@ class PublisherConnection(DialledStream):
     def _take_header(self, header: dict[str, str]) -> None:
         self._timer.cancel()
         if "error" in header:
-            self.close(header["error"])
+            self.close(printable(header["error"]))
         else:
             self.greeted(header)
 
@@ -220,7 +224,9 @@ class _Connection(PublisherConnection):
     def greeted(self, header: dict[str, str]) -> None:
         """Takes the publisher's connection header."""
         self.header = header
-        self.sender = Sender(header.get("callerid", ""), header.get("latching") == "1")
+        name = printable(header.get("callerid", ""))
+        original = printable(header.get(RELAYED_NODE, name))
+        self.sender = Sender(name, header.get("latching") == "1", original)
         self.parse = message_parser(self, self._take)
 
     def closed(self, reason: str) -> None:

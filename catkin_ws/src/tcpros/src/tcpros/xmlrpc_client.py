@@ -19,6 +19,9 @@ MAX_PARALLEL = 4
 MAX_ANSWER = 4 * 2**20
 """Maximum size of a response [bytes]. Only getParam needs that much; all others are short."""
 
+_NOT_XMLRPC = (TypeError, ValueError, OverflowError, RecursionError)
+"""Exceptions of values that XML-RPC cannot carry: large integers, invalid texts, deep nesting."""
+
 Done = Callable[[Any], object]
 Failed = Callable[[str], object]
 
@@ -79,7 +82,12 @@ class Server:
             failed: called with a sentence otherwise: a `NoAnswer` unless the server refused. Exactly one of the two is
                 called, once, within the timeout.
         """
-        body = xmlrpc.client.dumps(arguments, method).encode()
+        try:
+            body = xmlrpc.client.dumps(arguments, method).encode()
+        except _NOT_XMLRPC as error:
+            reason = f"{method} cannot be called with these values: {error}"
+            self._reactor.call(lambda: failed(reason))
+            return
         self._queue.append((body, done, failed))
         self._next()
 

@@ -2,7 +2,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tcpros.header import MAX_HEADER, HeaderError, header_bytes, header_end, header_fields
+from tcpros.header import (
+    MAX_HEADER,
+    MAX_TEXT,
+    HeaderError,
+    header_bytes,
+    header_end,
+    header_fields,
+    printable,
+)
 
 keys = st.text(min_size=1, max_size=20).filter(lambda text: "=" not in text)
 
@@ -43,3 +51,18 @@ def test_too_long_a_header_is_refused_by_its_length_alone(length):
 def test_too_long_a_header_is_not_written():
     with pytest.raises(HeaderError):
         header_bytes({"definition": "x" * MAX_HEADER})
+
+
+@given(st.text(st.characters(), max_size=50) | st.binary(max_size=50))
+def test_any_text_of_a_peer_can_be_printed_and_sent(text):
+    if isinstance(text, bytes):
+        text = text.decode("utf-8", "surrogateescape")
+    shown = printable(text)
+    assert shown.isprintable()
+    assert shown.encode().decode() == shown
+    assert len(shown) == len(text)
+    assert printable(shown) == shown
+
+
+def test_a_long_text_of_a_peer_is_cut():
+    assert printable("x" * 100_000) == "x" * (MAX_TEXT - 1) + "…"

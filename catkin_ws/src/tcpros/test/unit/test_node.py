@@ -431,6 +431,43 @@ def test_a_request_longer_than_allowed_closes_the_connection(quick: NodeContext)
     client_thread(quick, work)
 
 
+def test_a_subscribers_name_of_any_bytes_leaves_the_nodes_state_readable(
+    quick: NodeContext,
+) -> None:
+    node = Node(quick, "/sender", lambda _: None)
+    node.publish("/words", String)
+    address = ("127.0.0.1", int(node.uri.rsplit(":", 1)[1].rstrip("/")))
+
+    def work() -> None:
+        fields = {"topic": "/words", "callerid": "\udcff\x01\n", "md5sum": "*", "type": "*"}
+        with Connection(*address, fields), xmlrpc.client.ServerProxy(node.uri) as slave:
+            _, _, rows = slave.getBusInfo("/tester")
+        assert [row[1] for row in rows] == ["\ufffd\ufffd\ufffd"]
+
+    client_thread(quick, work)
+
+
+def nested(depth: int) -> object:
+    value: object = 1
+    for _ in range(depth):
+        value = [value]
+    return value
+
+
+@pytest.mark.parametrize("value", [2**40, "\udcff", object(), nested(5000)])
+def test_a_call_with_a_value_that_xml_cannot_carry_fails(quick: NodeContext, value: object) -> None:
+    reasons = []
+
+    def failed(reason: str) -> None:
+        reasons.append(reason)
+        quick.reactor.stop()
+
+    quick.master.call("setParam", ("/one", "/speed", value), lambda _: None, failed)
+    assert not reasons, "callbacks are deferred"
+    run_for(quick)
+    assert "setParam cannot be called with these values" in reasons[0]
+
+
 def test_a_message_longer_than_allowed_ends_the_connection_and_pauses_grow(
     quick: NodeContext, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -123,11 +123,11 @@ class Exchange:
 
         Args:
             topic: its name.
-            sender: the publisher's node; a gateway's relay node ends with the name of the remote node.
+            sender: the publisher's node; for a gateway's relay node, the remote node.
             latched: whether the publisher latches.
             data: returns the serialised message.
         """
-        if sender.endswith(self.partners or ("\0",)):
+        if sender in self.partners:
             return False
         if not latched:
             return True

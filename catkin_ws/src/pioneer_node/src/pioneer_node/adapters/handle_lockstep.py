@@ -7,6 +7,7 @@ from pioneer_msgs.msg import LockstepMessage, LockstepToken
 
 from pioneer_node.adapters.exchange import Exchange, Place, is_connected
 from pioneer_node.adapters.node_handle import NodeHandle, Publisher, Received
+from tcpros.topic_source import Sender
 
 
 class HandleMember:
@@ -59,9 +60,9 @@ class HandleMember:
         self._exchange.listen(topic, receive)
         return is_connected(kind, topic)
 
-    def takes(self, topic: str, sender: str, latched: bool, data: memoryview) -> bool:
+    def takes(self, topic: str, sender: Sender, data: memoryview) -> bool:
         """Returns whether to accept a message received over a connection."""
-        return self._exchange.accepts(topic, sender, latched, lambda: bytes(data))
+        return self._exchange.accepts(topic, sender.original, sender.latching, lambda: bytes(data))
 
     def tick(self, call: Callable[[], object]) -> None:
         """Registers ``call`` to run once per period."""

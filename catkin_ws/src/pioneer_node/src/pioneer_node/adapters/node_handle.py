@@ -58,7 +58,7 @@ class Lockstep(Protocol):
     def listen(self, topic: str, kind: Any, take: Received) -> bool:
         """Calls ``take`` for each message in tokens; returns whether connections carry the topic as well."""
 
-    def takes(self, topic: str, sender: str, latched: bool, data: memoryview) -> bool:
+    def takes(self, topic: str, sender: Sender, data: memoryview) -> bool:
         """Returns whether to accept a message received over a connection."""
 
     def tick(self, call: Callable[[], object]) -> None:
@@ -336,7 +336,7 @@ class NodeHandle:
         line = Log(
             level=severities.get(record.levelno, Log.INFO),
             name=self.name,
-            msg=record.getMessage(),
+            msg=record.getMessage().encode(errors="replace").decode(),
             file=record.filename,
             function=record.funcName,
             line=record.lineno,
@@ -385,7 +385,7 @@ class Subscriber:
 
     def _hear(self, data: memoryview, sender: Sender) -> None:
         lockstep = self._lockstep
-        if lockstep is None or lockstep.takes(self.topic, sender.name, sender.latching, data):
+        if lockstep is None or lockstep.takes(self.topic, sender, data):
             self._received(data, sender.name)
 
 

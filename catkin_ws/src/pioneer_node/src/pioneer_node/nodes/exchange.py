@@ -16,6 +16,7 @@ from pioneer_node.adapters import exchange
 from pioneer_node.adapters.exchange import is_connected
 from pioneer_node.adapters.launch_door import launch_door
 from pioneer_node.core.parameter import ParameterError
+from tcpros.topic_source import RELAYED_NODE
 
 
 class Exchange(exchange.Exchange):
@@ -129,9 +130,8 @@ class _Subscriber(rospy.topics.Subscriber):  # type: ignore[misc]
     def _hear(self, message: Any) -> None:
         header = message._connection_header
         latched = header.get("latching") == "1"
-        if _exchange().accepts(
-            self.resolved_name, header["callerid"], latched, lambda: _serialised(message)
-        ):
+        sender = header.get(RELAYED_NODE, header["callerid"])
+        if _exchange().accepts(self.resolved_name, sender, latched, lambda: _serialised(message)):
             self._call(message)
 
     def _call(self, message: Any) -> None:

@@ -5,6 +5,7 @@ import pytest
 from rocon_gateway.error import ConfigError
 from rocon_gateway.node.config import GatewayConfig, book_from_config, with_custom_rules
 from rocon_gateway.rules.matching import ALL
+from rocon_hub_protocol.record import is_gateway_name
 from rocon_hub_protocol.rule import Kind, RemoteRule, Rule
 
 
@@ -16,11 +17,28 @@ def test_a_unique_name_has_32_digits_more_unless_told_not_to() -> None:
 
 
 @pytest.mark.parametrize(
-    "values", [{"name": " "}, {"name": "a\nb"}, {"watch_loop_period": 0.0}, {"relay_port": -1}]
+    "values",
+    [
+        {"name": " "},
+        {"name": "a\nb"},
+        {"name": "x" * 225},
+        {"name": "x" * 257, "disable_uuids": True},
+        {"watch_loop_period": 0.0},
+        {"watch_loop_period": float("nan")},
+        {"relay_port": -1},
+    ],
 )
 def test_a_value_that_cannot_be_meant_is_refused(values: dict[str, object]) -> None:
     with pytest.raises(ConfigError):
         GatewayConfig(**values)
+
+
+def test_a_name_as_long_as_others_accept_is_taken() -> None:
+    for config in (
+        GatewayConfig(name="x" * 224),
+        GatewayConfig(name="x" * 256, disable_uuids=True),
+    ):
+        assert is_gateway_name(config.unique_name())
 
 
 def test_hub_lists_may_be_lists_or_texts() -> None:

@@ -3,6 +3,7 @@
 import logging
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,11 +16,13 @@ from rocon_gateway.hub import session as hub_session
 from rocon_gateway.hub.client import HubClient, HubContext
 from rocon_gateway.hub.presence import Candidate
 from rocon_gateway.hub.session import HubSession
-from rocon_gateway.hub.state import Publication
+from rocon_gateway.hub.state import HubState, Publication
+from rocon_gateway.node.gateway import GatewayNode
 from rocon_gateway.node.program_load import ProgramLoad
 from rocon_hub_protocol.address import HubAddress
 from rocon_hub_protocol.code import Code, HubError
-from rocon_hub_protocol.record import PROTOCOL, Record
+from rocon_hub_protocol.key import record_key
+from rocon_hub_protocol.record import PROTOCOL, PeerRequest, Record, RecordError
 from rocon_hub_protocol.redis_client import OPEN
 
 PATIENCE = 20.0
@@ -121,6 +124,63 @@ def test_an_examination_that_fails_does_not_silence_the_doctor(
     monkeypatch.setattr(facts, "examination", lambda *_: found)
     examiner.asked(session, "1" * 32)
     assert session.published.wait(PATIENCE)
+
+
+class RecordSession:
+    """A session with one other gateway, whose record the test sets."""
+
+    name, instance, hub_name = "robot", "instance", "hub"
+    address = HubAddress("127.0.0.1", 6380)
+    holder = None
+
+    def __init__(self) -> None:
+        self.found: dict[str, Record | RecordError] = {}
+
+    def join(self, *_: object) -> None: ...
+
+    def watch(self, _names: object) -> None: ...
+
+    def unwatch(self, _names: object) -> None: ...
+
+    def namespaces(self) -> frozenset[str]:
+        return frozenset()
+
+    def present(self) -> set[str]:
+        return {"other"}
+
+    def requests(self, _senders: object = None) -> dict[str, PeerRequest]:
+        return {"other": PeerRequest()}
+
+    def records(self, _names: object) -> dict[str, Record | RecordError]:
+        return self.found
+
+
+def test_an_invalid_record_is_not_the_former_one_and_a_lost_one_is() -> None:
+    state = HubState(Publication(RECORD))
+    session: Any = RecordSession()
+    state.enter(session, "127.0.0.1", 0.0)
+    known = Record("other", "instance", "127.0.0.1", 2)
+
+    def remotes(**found: Record | RecordError) -> set[str]:
+        session.found = found
+        state.take(session, [(record_key("other"), "other")], 1.0)
+        state.update(session, (), 1.0)
+        return set(state.view.remotes)
+
+    assert remotes(other=known) == {"other"}
+    assert remotes() == {"other"}, "a hub that restarts has no records for a while"
+    assert remotes(other=RecordError("not JSON")) == set()
+    assert state.faults == {"other": "not JSON"}
+    assert remotes(other=known) == {"other"}
+    assert state.faults == {}
+
+
+def test_a_period_that_is_not_a_number_is_not_taken(caplog: pytest.LogCaptureFixture) -> None:
+    node: Any = SimpleNamespace(_period=2.0, _logger=logging.getLogger("loops"))
+    assert GatewayNode._set_period(node, float("nan")) == 2.0
+    assert GatewayNode._set_period(node, 3.0) == 2.0
+    assert node._period == 3.0
+    assert "nan is no period" in caplog.text
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from rocon_relay.context import Context
 from rocon_relay.link import VERSION, Hello, LinkError, is_proof, proof, state_from_field
 from tcpros.dialled_stream import DialledStream, watch_liveness
 from tcpros.frame import LENGTH_SIZE, control_frame, is_control
-from tcpros.header import header_bytes, header_parser
+from tcpros.header import header_bytes, header_parser, printable
 
 
 class LinkOwner(Protocol):
@@ -63,7 +63,7 @@ class DialledLink(DialledStream):
     def _take_answer(self, fields: dict[str, str]) -> None:
         if "error" in fields:
             self._state = state_from_field(fields.get("state", ""))
-            self.close(fields["error"])
+            self.close(printable(fields["error"]))
         elif fields.get("relay") != VERSION:
             raise LinkError(f"it does not speak version {VERSION} of the link protocol")
         elif "challenge" in fields:

@@ -23,7 +23,7 @@ from rocon_relay.subscription import Subscription
 from tcpros.dialled_stream import watch_liveness
 from tcpros.fanout import Outlet
 from tcpros.frame import CONTROL_MARK, LENGTH_SIZE, Chunk, control_frame
-from tcpros.header import header_bytes, header_parser
+from tcpros.header import header_bytes, header_parser, printable
 from tcpros.node_port import Ended
 from tcpros.reactor import Timer
 from tcpros.stream import Stream
@@ -162,7 +162,7 @@ class ExportEnd(Stream):
     def refuse(self, state: LinkState, reason: str) -> None:
         """Refuses the link and closes it."""
         self.timer.cancel()
-        self.finish(header_bytes({"relay": VERSION, "error": reason, "state": state}))
+        self.finish(header_bytes({"relay": VERSION, "error": printable(reason), "state": state}))
 
     def source_found(self, header: Mapping[str, str]) -> bool:
         """Compares the publisher's type with the requested one and starts forwarding."""

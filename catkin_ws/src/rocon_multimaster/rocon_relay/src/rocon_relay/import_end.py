@@ -15,9 +15,10 @@ from rocon_relay.proxy_node import ProxyNode, ProxyNodes
 from rocon_relay.standing_import import StandingImport
 from tcpros.fanout import Fanout
 from tcpros.frame import control_frame
-from tcpros.header import header_bytes
+from tcpros.header import header_bytes, printable
 from tcpros.node_port import Ended, RefusedError
 from tcpros.stream import Stream
+from tcpros.topic_source import RELAYED_NODE
 
 MAX_REPORTED = 64
 """Number of subscribers of another type that are remembered, so that each is logged once only."""
@@ -139,7 +140,8 @@ class ImportEnd(StandingImport):
     def told(self, fields: dict[str, str]) -> None:
         """Handles a control frame from the source."""
         if fields.get("op") == "state":
-            self._source_failed(state_from_field(fields.get("state", "")), fields.get("reason", ""))
+            reason = printable(fields.get("reason", ""))
+            self._source_failed(state_from_field(fields.get("state", "")), reason)
         elif (
             fields.get("op") == "connected"
             and self._wants
@@ -174,7 +176,7 @@ class ImportEnd(StandingImport):
         for subscriber, asked in pending.items():
             refusal = self._serve(subscriber, asked)
             if refusal:
-                self._report_mismatch(asked.get("callerid", ""), refusal)
+                self._report_mismatch(printable(asked.get("callerid", "")), refusal)
                 subscriber.finish(header_bytes({"error": refusal}))
 
     def refusal(self, name: str) -> str:
@@ -189,7 +191,7 @@ class ImportEnd(StandingImport):
 
     def admit(self, subscriber: Stream, fields: Mapping[str, str]) -> Ended:
         """Accepts a subscriber with its connection header. Raises RefusedError."""
-        name = fields.get("callerid", "")
+        name = printable(fields.get("callerid", ""))
         if refusal := self.refusal(name):
             raise RefusedError(refusal)
         if refusal := self._subscribe(subscriber, fields):
@@ -246,9 +248,12 @@ class ImportEnd(StandingImport):
             return wrong
         header = {key: value for key, value in source.items() if key not in ("op", "demand")}
         self._told_source = type_, md5sum
-        subscriber.send(
-            header_bytes({**header, "topic": self.wanted.topic, "callerid": self.wanted.proxy})
-        )
+        own = {
+            "topic": self.wanted.topic,
+            "callerid": self.wanted.proxy,
+            RELAYED_NODE: self.wanted.source_node,
+        }
+        subscriber.send(header_bytes({**header, **own}))
         if not subscriber.is_closed:
             self.fanout.join(subscriber)
         return ""

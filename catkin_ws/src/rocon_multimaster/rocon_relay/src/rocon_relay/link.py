@@ -2,13 +2,13 @@
 
 import hashlib
 import hmac
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from rocon_relay.connection import ANY, LinkState, Subject
 from rocon_relay.error import RelayError
 from rocon_relay.option import NO_OPTIONS, LinkOptions, OptionError, options_from_fields
-from tcpros.header import header_bytes
+from tcpros.header import header_bytes, printable
 
 VERSION = "2"
 
@@ -59,7 +59,7 @@ class Hello:
             "source_node": self.source_node,
             "source_gateway": self.source_gateway,
             "sink_gateway": self.sink_gateway,
-            "gateways_passed": ",".join(self.gateways_passed),
+            "gateways_passed": _joined(self.gateways_passed),
             "nonce": self.nonce,
             "keys": ",".join(self.keys),
             **self.options.fields(),
@@ -90,7 +90,7 @@ class Hello:
                 fields["source_node"],
                 fields["source_gateway"],
                 fields["sink_gateway"],
-                tuple(filter(None, fields["gateways_passed"].split(","))),
+                _split(fields["gateways_passed"]),
                 fields["nonce"],
                 subject,
                 tuple(filter(None, fields["keys"].split(","))),
@@ -103,6 +103,16 @@ class Hello:
             raise AskError(f"options that cannot be had: {error}") from None
 
 
+def _joined(names: Iterable[str]) -> str:
+    """Returns names in one field, separated by commas; a gateway's name may hold commas itself."""
+    return ",".join(name.replace("%", "%25").replace(",", "%2C") for name in names)
+
+
+def _split(field: str) -> tuple[str, ...]:
+    names = (name.replace("%2C", ",").replace("%25", "%") for name in field.split(","))
+    return tuple(filter(None, names))
+
+
 def state_from_field(word: str) -> LinkState:
     """Returns the state of that name; `REFUSED` for an unknown name."""
     return LinkState(word) if word in set(LinkState) else LinkState.REFUSED
@@ -110,7 +120,7 @@ def state_from_field(word: str) -> LinkState:
 
 def limit_from_fields(fields: Mapping[str, str]) -> str:
     """Returns the rate limit in a welcome as readable text; "" if there is none."""
-    rate = fields.get("rate", "")[:24]
+    rate = printable(fields.get("rate", "")[:24])
     return f"at most {rate.removesuffix('.0')} messages a second" if rate else ""
 
 
@@ -126,9 +136,9 @@ def seconds_from_field(text: str) -> float:
 def mismatch(wanted_type: str, wanted_md5sum: str, type_: str, md5sum: str) -> str:
     """Returns how type or MD5 sum differ from the wanted ones, "" if they match."""
     if ANY not in (wanted_type, type_) and wanted_type != type_:
-        return f"the type here is {type_}, asked for was {wanted_type}"
+        return printable(f"the type here is {type_}, asked for was {wanted_type}")
     if ANY not in (wanted_md5sum, md5sum) and wanted_md5sum != md5sum:
-        return (
+        return printable(
             f"the definition of {type_} differs: MD5 sum {md5sum} here, {wanted_md5sum} asked for"
         )
     return ""

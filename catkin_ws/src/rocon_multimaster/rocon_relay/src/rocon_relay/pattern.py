@@ -56,9 +56,10 @@ def matches_whole(pattern: str, text: str) -> bool:
 
 
 def _matches(pattern: str, text: str) -> bool:
-    if "\udc80" <= max(text, default="") <= "\udfff":
+    try:
+        return compiled(pattern).fullmatch(text) is not None
+    except UnicodeEncodeError:
         return False  # no name contains invalid UTF-8
-    return compiled(pattern).fullmatch(text) is not None
 
 
 _remembered_match = functools.lru_cache(maxsize=1 << 13)(_matches)

@@ -11,7 +11,7 @@ from rocon_relay.link import Hello
 from rocon_relay.service_import import MAX_REASON, PASSED_ON
 from rocon_relay.service_pipe import ServicePipe
 from tcpros.dialled_stream import DialledStream, watch_liveness
-from tcpros.header import HeaderError, header_bytes, header_parser
+from tcpros.header import HeaderError, header_bytes, header_parser, printable
 from tcpros.service_call import CallTotals
 
 
@@ -136,11 +136,13 @@ class ExportedCall:
         """Called when the server has answered the handshake."""
         assert self._server is not None
         if "error" in header and self._remembered:
-            self._server.close(header["error"])  # another node may use the cached address by now
+            self._server.close(
+                printable(header["error"])
+            )  # another node may use the cached address by now
             return
         self._timer.cancel()
         if "error" in header:
-            self._refuse(LinkState.REFUSED, header["error"])
+            self._refuse(LinkState.REFUSED, printable(header["error"]))
             return
         self.pipe = ServicePipe(
             self.link, self._server, self._context.config.max_message_size, self._owner.totals

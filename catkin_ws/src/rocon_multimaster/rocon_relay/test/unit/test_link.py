@@ -30,6 +30,13 @@ def test_a_hello_with_whole_rates_is_written_alike_on_both_sides():
     assert Hello.from_fields(hello.fields()).fields() == hello.fields()
 
 
+@pytest.mark.parametrize("names", [("a,b",), ("a%2Cb", "c%"), (",", "%"), ("base",), ()])
+def test_names_of_gateways_with_commas_stay_whole(names):
+    """A loop over a gateway whose name holds a comma was not recognised."""
+    hello = dataclasses.replace(HELLO, gateways_passed=names)
+    assert Hello.from_fields(header_fields(header_bytes(hello.fields())[4:])) == hello
+
+
 def test_another_version_or_a_missing_field_is_a_link_error():
     with pytest.raises(LinkError, match="version"):
         Hello.from_fields({**HELLO.fields(), "relay": "1"})

@@ -32,6 +32,7 @@ def test_patterns_match_whole_names_as_rocon_has_it():
     assert not matches_whole("/pioneer[0-9]+", "/pioneer12/odom")
     assert matches_whole(".*scan.*", "/pioneer1/scan_filtered")
     assert not matches_whole(".*", "\udcff")
+    assert not matches_whole(".*", "\udcff\U0001f600")
 
 
 def test_a_plain_name_matches_only_itself_and_is_not_compiled():

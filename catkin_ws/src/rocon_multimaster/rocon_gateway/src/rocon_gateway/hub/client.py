@@ -23,6 +23,7 @@ from rocon_gateway.hub.state import HubState, Publication
 from rocon_hub_protocol.code import Code, HubError
 from rocon_hub_protocol.key import EXAMINE_KEY
 from tcpros.descriptor import readable
+from tcpros.header import printable
 
 RETRY = 0.5
 """Average pause between two attempts to connect to a hub [s]; see `retry_pause`."""
@@ -97,6 +98,7 @@ class HubClient:
         self._salt = ""
         self._told_lost = False
         self._fault = ""  #: the last unexpected exception, which is logged once
+        self._reported_faults: dict[str, str] = {}
         self._nameless: set[Candidate] = set()
         self._stopping = False
         self._pipe = threading.Lock()
@@ -262,6 +264,21 @@ class HubClient:
                 beat = time.monotonic() + HEARTBEAT
             self._wait(session, 0.1 if self._state.waiting else max(0.0, beat - time.monotonic()))
             self._state.take(session, self._events(session, beat), time.monotonic())
+            self._report_faults(session)
+
+    def _report_faults(self, session: HubSession) -> None:
+        """Logs each invalid record once."""
+        if self._state.faults == self._reported_faults:
+            return
+        for name, fault in self._state.faults.items():
+            if self._reported_faults.get(name) != fault:
+                self._context.logger.warning(
+                    "gateway '%s' has an invalid record on hub '%s' and is left out: %s",
+                    printable(name),
+                    session.hub_name,
+                    printable(fault),
+                )
+        self._reported_faults = dict(self._state.faults)
 
     def _wait(self, session: HubSession, seconds: float) -> None:
         # Events may be buffered already, read together with others or with the answer to a subscription.

@@ -6,7 +6,7 @@ two more attempts to find out why.
 
 import dataclasses
 import json
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -211,11 +211,15 @@ class HubSession:
         """Unsubscribes from these gateways' records."""
         self.events.unsubscribe(*(record_key(name) for name in names))
 
-    def records(self, names: Collection[str]) -> dict[str, Record]:
-        """Returns the records of those of `names` that have a valid one."""
+    def records(self, names: Collection[str]) -> dict[str, Record | RecordError]:
+        """Returns the records of those of `names` that have one, and the error of each invalid one."""
         names = sorted(names)
         texts = self.client.mget([record_key(name) for name in names]) if names else []
-        return dict(_sound(names, texts, record_from_text))
+        found: dict[str, Record | RecordError] = {}
+        for name, text in zip(names, texts, strict=True):
+            if text is not None:
+                found[name] = _parsed(text, record_from_text)
+        return found
 
     def requests(self, senders: Collection[str] | None = None) -> dict[str, PeerRequest | None]:
         """Returns the requests to us, all or those of `senders`; None for a sender without a valid one.
@@ -230,10 +234,11 @@ class HubSession:
             raise HubError(
                 Code.HUB_CONNECTION_LOST, f"our requests there could not be read: {error}"
             ) from None
-        return {
-            **dict.fromkeys(texts),
-            **dict(_sound(list(texts), list(texts.values()), request_from_text)),
-        }
+        found: dict[str, PeerRequest | None] = {}
+        for name, text in texts.items():
+            request = None if text is None else _parsed(text, request_from_text)
+            found[name] = request if isinstance(request, PeerRequest) else None
+        return found
 
     def _requests(self, senders: Collection[str] | None) -> dict[str, str | None]:
         if senders is None:
@@ -306,7 +311,8 @@ class HubSession:
     def describe(self, names: Collection[str]) -> list[Description]:
         """Returns what the hub knows of `names`, or of all others if empty; skips unknown names. For any thread."""
         names = sorted(names or self.client.smembers(GATEWAYS_KEY) - {self.name})
-        records = self.records(names)
+        found = self.records(names)
+        records = {name: one for name, one in found.items() if isinstance(one, Record)}
         if not records:
             return []
         since = self.client.mget([lost_key(name) for name in records])
@@ -357,13 +363,9 @@ def _refusal(error: redis.RedisError) -> str:
     return f"refuses: {error}"
 
 
-def _sound(
-    names: Sequence[str], texts: Sequence[str | None], parse: Callable[[str], Value]
-) -> Iterator[tuple[str, Value]]:
-    """Yields name and value of each valid text; skips malformed ones."""
-    for name, text in zip(names, texts, strict=True):
-        if text is not None:
-            try:
-                yield name, parse(text)
-            except RecordError:
-                continue
+def _parsed(text: str, parse: Callable[[str], Value]) -> Value | RecordError:
+    """Returns the value of a text, or the error of a malformed one."""
+    try:
+        return parse(text)
+    except RecordError as error:
+        return error

@@ -18,6 +18,7 @@ from rocon_hub_protocol.record import (
     NO_REQUEST,
     PeerRequest,
     Record,
+    RecordError,
     is_gateway_name,
     sound_namespaces,
 )
@@ -57,7 +58,7 @@ class Session(Protocol):
     def present(self) -> set[str]: ...  # noqa: D102
     def watch(self, names: Iterable[str]) -> None: ...  # noqa: D102
     def unwatch(self, names: Iterable[str]) -> None: ...  # noqa: D102
-    def records(self, names: Collection[str]) -> dict[str, Record]: ...  # noqa: D102
+    def records(self, names: Collection[str]) -> dict[str, Record | RecordError]: ...  # noqa: D102
     def requests(self, senders: Collection[str] | None = ...) -> dict[str, PeerRequest | None]: ...  # noqa: D102
     def write(self, record: Record, requests: Mapping[str, PeerRequest]) -> None: ...  # noqa: D102
     def forget(self, receiver: str) -> None: ...  # noqa: D102
@@ -86,6 +87,7 @@ class HubState:
         self.said = said
         self.view = HubView()  #: what we know about the hub and the gateways on it
         self.displaced = False  #: whether another gateway has taken our name; `enter` then fails while it is alive
+        self.faults: dict[str, str] = {}  #: by gateway, what is wrong with its record on the hub
         self._own_namespaces = namespaces
         self._namespaces: frozenset[str] = frozenset()
         self._host = ""
@@ -149,7 +151,7 @@ class HubState:
             elif channel == record_key(text):
                 news.records.add(text)
         if news.records:
-            self._records.update(session.records(news.records))
+            self._take_records(session, news.records)
         if news.senders:
             self._take_requests(session, news.senders)
 
@@ -168,9 +170,10 @@ class HubState:
             *(gateways_meant(one, names) for one in interest)
         )
         self._follow(session, concerned)
-        for gone in {*self._inbox, *self._records} - names:
+        for gone in {*self._inbox, *self._records, *self.faults} - names:
             self._inbox.pop(gone, None)
             self._records.pop(gone, None)
+            self.faults.pop(gone, None)
         remotes = {
             name: Remote(self._records[name], self._inbox.get(name, NO_REQUEST))
             for name in sorted(concerned)
@@ -216,6 +219,16 @@ class HubState:
             self._presence.leave(name)
         elif what == "expired":
             self._presence.expire(name, now)
+
+    def _take_records(self, session: Session, names: Collection[str]) -> None:
+        """Reads these records. An invalid one replaces the former one; one that is missing does not."""
+        for name, record in session.records(names).items():
+            if isinstance(record, Record):
+                self._records[name] = record
+                self.faults.pop(name, None)
+            else:
+                self._records.pop(name, None)
+                self.faults[name] = str(record)
 
     def _take_requests(self, session: Session, senders: Collection[str] | None) -> None:
         for sender, request in session.requests(senders).items():

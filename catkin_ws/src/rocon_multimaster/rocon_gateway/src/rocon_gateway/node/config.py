@@ -11,7 +11,7 @@ from rocon_gateway.rules.matching import rule_from_text
 from rocon_gateway.rules.option_rule import OptionRule, option_rule
 from rocon_gateway.rules.rulebook import RuleBook, check_gateway
 from rocon_hub_protocol.code import Code
-from rocon_hub_protocol.rule import RemoteRule, Rule, is_namespace
+from rocon_hub_protocol.rule import LONGEST_NAME, RemoteRule, Rule, is_namespace
 from rocon_relay.option import OptionError
 
 APPENDED = ("default_flips", "default_advertisements", "default_pulls")
@@ -73,7 +73,11 @@ class GatewayConfig:
         """Raises ConfigError for invalid parameter values."""
         if not self.name.strip() or not self.name.isprintable():
             raise ConfigError(f"gateway: ~name must be a printable text, not {self.name!r}")
-        if self.watch_loop_period <= 0:
+        if len(self.unique_name()) > LONGEST_NAME:
+            room = LONGEST_NAME - len(self.unique_name()) + len(self.name)
+            text = f"gateway: ~name must have at most {room} characters, not {len(self.name)}"
+            raise ConfigError(text)
+        if not self.watch_loop_period > 0:
             raise ConfigError("gateway: ~watch_loop_period must be greater than 0")
         if not 0 <= self.relay_port < 65536:
             raise ConfigError(f"gateway: ~relay_port must be 0 to 65535, not {self.relay_port}")

@@ -2,6 +2,7 @@
 
 import contextlib
 import logging
+import math
 import os
 import sys
 import threading
@@ -450,7 +451,11 @@ class GatewayNode:
         return array
 
     def _set_period(self, period: float) -> float:
-        last, self._period = self._period, max(float(period), LOOK_PERIOD)
+        last = self._period
+        if math.isnan(period):
+            self._logger.warning("set_watcher_period: nan is no period; %g s is kept", last)
+        else:
+            self._period = max(float(period), LOOK_PERIOD)
         return last
 
     def _wake(self) -> None:

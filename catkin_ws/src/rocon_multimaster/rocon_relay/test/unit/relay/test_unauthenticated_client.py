@@ -213,3 +213,23 @@ def test_who_says_nothing_is_closed(relays):
     with socket.create_connection(source.address, 5) as silent:
         silent.settimeout(2)
         assert silent.recv(1) == b""
+
+
+@pytest.mark.parametrize("reason", [b"\xff\xfe", b"a\x00b\x1b[2J", "é\n".encode(), b"x" * 60_000])
+def test_a_refusal_of_any_bytes_is_a_reason_that_messages_and_xml_can_carry(
+    relays, talkers, reason
+):
+    """One byte that is not UTF-8 once made the list of rules unserialisable."""
+    sink = relays("sink", retry_shortest=60.0)
+    with socket.create_server(("127.0.0.1", 0)) as rogue:
+        address = Address(*rogue.getsockname())
+        sink.relay.apply(set(), {dataclasses.replace(imported(relays("source")), address=address)})
+        connection, _ = rogue.accept()
+        with connection:
+            text = reason.decode("utf-8", "surrogateescape")
+            connection.sendall(header_bytes({"relay": "2", "error": text, "state": "refused"}))
+            wait_for(sink, LinkState.REFUSED)
+    found = sink.link().reason
+    assert found.isprintable()
+    assert len(found) < 1200
+    assert found.encode()
