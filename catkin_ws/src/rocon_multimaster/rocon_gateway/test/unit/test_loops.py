@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import redis
 
 from rocon_gateway.doctor import facts
 from rocon_gateway.doctor.examination import Examination
@@ -14,6 +15,7 @@ from rocon_gateway.doctor.examiner import Examiner
 from rocon_gateway.hub import client as hub_client
 from rocon_gateway.hub import session as hub_session
 from rocon_gateway.hub.client import HubClient, HubContext
+from rocon_gateway.hub.hubs import Hubs, HubsConfig
 from rocon_gateway.hub.presence import Candidate
 from rocon_gateway.hub.session import HubSession
 from rocon_gateway.hub.state import HubState, Publication
@@ -88,6 +90,33 @@ def test_a_hubs_thread_survives_unexpected_exceptions(
     hub.stop()
     hub.join()
     assert caplog.text.count("internal error with the hub at") == 3
+
+
+class BusySession:
+    """A session with a hub that answers nothing after the first questions."""
+
+    identity, hub_name, salt, name = "id", "hub", "", "robot"
+    address = HubAddress("127.0.0.1", 6380)
+
+    def kept(self) -> str:
+        raise redis.TimeoutError("it is busy")
+
+    def close(self) -> None: ...
+
+
+def test_a_hub_that_connect_hub_could_not_join_is_not_joined_later(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The service once returned error 14, and the gateway was on the hub a moment later."""
+    monkeypatch.setattr(Hubs, "_open", lambda _hubs, _way: BusySession())
+    left = threading.Event()
+    hubs = Hubs(HubsConfig(), RECORD, set, left.set, logging.getLogger("loops"), lambda *_: None)
+    with pytest.raises(HubError) as caught:
+        hubs.connect("http://127.0.0.1:6380", patience=0.05)
+    assert caught.value.code == Code.HUB_CONNECTION_FAILED
+    assert left.wait(PATIENCE)
+    assert hubs._hubs == []
+    hubs.shutdown()
 
 
 class Session:

@@ -116,6 +116,9 @@ class ParameterImportEnd(DialledImport):
         self.wanted = wanted
 
     def refresh(self) -> None:
+        """Does nothing: a master that only hung keeps its parameters, which may have been changed there."""
+
+    def restore(self) -> None:
         """Copies the parameter again, for a restarted master that has lost it."""
         if self._is_copied:
             self._is_copied = False

@@ -135,8 +135,12 @@ class TcpRelay:
         self._reactor.call(lambda: self._apply(wanted_exports, wanted_imports))
 
     def refresh(self) -> None:
-        """Registers all proxies again, for a restarted master."""
+        """Registers all proxies again, for a master that did not answer for a while."""
         self._reactor.call(lambda: [end.refresh() for end in self._imports.values()])
+
+    def restore(self) -> None:
+        """Registers all proxies and copies all parameters again, for a restarted master, which has lost them."""
+        self._reactor.call(lambda: [end.restore() for end in self._imports.values()])
 
     def status(self) -> RelayStatus:
         """Returns a snapshot of the status of all connections from the last `apply`."""

@@ -128,6 +128,10 @@ class StandingImport(DialledImport):
         self.registration.hide()
 
     def refresh(self) -> None:
+        """Registers again."""
+        self.registration.refresh()
+
+    def restore(self) -> None:
         """Registers again, for a restarted master."""
         self.registration.refresh()
 

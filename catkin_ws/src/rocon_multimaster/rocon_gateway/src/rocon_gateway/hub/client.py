@@ -1,6 +1,7 @@
 """Keeps this gateway registered on one hub, in a separate thread, and reports changes."""
 
 import contextlib
+import errno
 import logging
 import os
 import random
@@ -78,6 +79,9 @@ class HubClient:
         named: whether the user configured this hub; otherwise the thread ends if this gateway does not accept the hub.
         said: what we publish initially.
         context: shared callbacks and settings.
+
+    Raises:
+        OSError: no descriptor or thread is available.
     """
 
     def __init__(
@@ -106,7 +110,12 @@ class HubClient:
         self._thread = threading.Thread(
             target=self._run, name=f"hub {self.ways[0].address}", daemon=True
         )
-        self._thread.start()
+        try:
+            self._thread.start()
+        except RuntimeError as error:  # no more threads on this machine
+            os.close(self._wake_reader)
+            os.close(self._wake_writer)
+            raise OSError(errno.EAGAIN, str(error)) from None
 
     def publish(self, said: Publication) -> None:
         """Sets what we publish."""

@@ -146,6 +146,7 @@ class Hubs:
 
         Raises:
             HubError: 11 if we are on that hub already, 14 if it failed, and those of `HubSession` and `check_lists`.
+                A hub that could not be joined is not joined later either.
         """
         way = Candidate(address_from_uri(uri))
         session = self._open(way)
@@ -155,12 +156,20 @@ class Hubs:
                 raise HubError(
                     Code.HUB_CONNECTION_ALREADY_EXISTS, f"on hub '{session.hub_name}' already"
                 )
+            added = None
             if not any(way in hub.ways for hub in self._hubs):
-                self._add((way,), named=True)
-            if not self._changed.wait_for(lambda: self._is_on(session.identity), patience):
-                raise HubError(
-                    Code.HUB_CONNECTION_FAILED, f"registering at {way.address} took too long"
-                )
+                try:
+                    added = self._add((way,), named=True)
+                except OSError as error:
+                    text = f"{way.address} cannot be joined: {error}"
+                    raise HubError(Code.HUB_CONNECTION_FAILED, text) from None
+            joined = self._changed.wait_for(lambda: self._is_on(session.identity), patience)
+        if not joined:
+            if added is not None:
+                added.stop()
+            raise HubError(
+                Code.HUB_CONNECTION_FAILED, f"registering at {way.address} took too long"
+            )
 
     def describe(self, names: Collection[str]) -> list[Description]:
         """Returns what the hubs know of these gateways, or of all if empty, each once; an empty list without a hub."""
@@ -186,9 +195,13 @@ class Hubs:
         if self._searcher:
             self._searcher.join(1.0)
 
-    def _add(self, ways: tuple[Candidate, ...], named: bool) -> None:
-        if not self._stopping:
-            self._hubs.append(HubClient(ways, named, self._said, self._context))
+    def _add(self, ways: tuple[Candidate, ...], named: bool) -> HubClient | None:
+        """Adds a hub, unless we are stopping. Raises OSError if there is no descriptor or thread for it."""
+        if self._stopping:
+            return None
+        hub = HubClient(ways, named, self._said, self._context)
+        self._hubs.append(hub)
+        return hub
 
     def _is_on(self, identity: str) -> bool:
         hub = self._claims.get(identity)

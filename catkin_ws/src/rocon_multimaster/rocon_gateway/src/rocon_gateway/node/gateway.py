@@ -130,7 +130,7 @@ class GatewayNode:
         self._bell = MasterBell(master_uri, node.name)
         self._examiner = NodeExaminer(master_uri, node.name, self._wake)
         self._reported_dead: frozenset[str] = frozenset()
-        self._master_lost = False
+        self._master_lost = self._master_forgot = False
         self._traffic = Traffic()
         self._outcome = Outcome()
         self._said: tuple[object, object] = (None, None)
@@ -286,11 +286,7 @@ class GatewayNode:
     def _look(self) -> bool:
         try:
             changed = self._master.changed()
-            # Retried at each look until the master knows us.
-            if self._opened and not self._master.knows_us and not self._stopping.is_set():
-                self._node.call(self._node.register_again)
-                self._relay.refresh()
-                self._logger.warning("the ROS master was restarted; registered again")
+            self._register_again_if_forgotten()
         except (MasterError, OSError) as error:
             if not self._master_lost:
                 self._logger.warning("%s; running links stay up", error)
@@ -301,6 +297,21 @@ class GatewayNode:
             self._logger.warning("the ROS master answers again")
             self._relay.refresh()
         return changed
+
+    def _register_again_if_forgotten(self) -> None:
+        """Registers everything again at a restarted master; repeated at each look until the master knows us."""
+        if not self._opened or self._stopping.is_set():
+            return
+        forgot, self._master_forgot = self._master_forgot, not self._master.knows_us
+        if not self._master_forgot:
+            return
+        self._node.call(self._node.register_again)
+        if forgot:
+            self._relay.refresh()
+        else:
+            # Parameters only once: later, they would replace what has been set at the new master.
+            self._relay.restore()
+            self._logger.warning("the ROS master was restarted; registered again")
 
     def _turn(self) -> None:
         """Reconciles once: compares the desired with the actual state, applies the difference and publishes it."""

@@ -42,9 +42,12 @@ def test_a_parameter_is_copied_once_and_whole(relays, source_master, sink_master
     assert sink_master.proxy().getParam("/robot")["half"] == 9.0
     assert source.link().messages == 1
     sink.relay.refresh()
+    assert sink.state() == [LinkState.ACTIVE]
+    sink.relay.restore()
     wait_until(
         lambda: sink_master.proxy().getParam("/robot")["number"] == 4, "copied for a new master", 5
     )
+    assert source.link().messages == 2, "a master that only hung keeps what was changed there"
 
 
 def test_a_parameter_that_is_not_there_is_waited_for(relays, source_master, sink_master):
