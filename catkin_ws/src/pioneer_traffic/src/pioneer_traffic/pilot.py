@@ -110,13 +110,25 @@ class Pilot:
         self._stepped_at = -math.inf
         self._actions: list[Action] = []
         self._failure = ""  # why the last goal was aborted
-        self.status = Status()  #: after the last step
+        self._inputs: Inputs | None = None  # of the last step
         self.held = ""  #: why the robot stays until the next goal; empty if it does not
 
     @property
     def has_goal(self) -> bool:
         """Whether a goal is active."""
         return self._goal is not None
+
+    @property
+    def status(self) -> Status:
+        """What the robot does after the last step, and why it does not get on."""
+        if self._goal is not None and self._inputs is not None:
+            is_driving = self._stretch is not None and self._stretch.active
+            return Status(Condition.DRIVING) if is_driving else self._obstruction(self._inputs)
+        if self.held:
+            return Status(Condition.HELD, f"{self.held}: the robot stays until the next goal")
+        if self._failure:
+            return Status(Condition.FAILED, self._failure)
+        return Status()
 
     def step(self, events: Sequence[Event], inputs: Inputs, now: float) -> list[Action]:
         """Returns what to do after ``events``, which are in the order of their arrival."""
@@ -131,7 +143,7 @@ class Pilot:
         self._watch_hands(inputs)
         self._drive(inputs, now)
         self._watch_goal(inputs, now)
-        self.status = self._status(inputs)
+        self._inputs = inputs
         return self._actions
 
     def _restart_clock(self, inputs: Inputs, now: float) -> None:
@@ -353,17 +365,6 @@ class Pilot:
         if self._progress.update(positions, now) > self._config.stall:
             reason = self._obstruction(inputs).reason
             self._abort(f"{reason}; no robot has moved for {self._config.stall:g} s")
-
-    def _status(self, inputs: Inputs) -> Status:
-        """Returns what the robot does, and why it does not get on."""
-        if self._goal is not None:
-            is_driving = self._stretch is not None and self._stretch.active
-            return Status(Condition.DRIVING) if is_driving else self._obstruction(inputs)
-        if self.held:
-            return Status(Condition.HELD, f"{self.held}: the robot stays until the next goal")
-        if self._failure:
-            return Status(Condition.FAILED, self._failure)
-        return Status()
 
     def _obstruction(self, inputs: Inputs) -> Status:
         """Returns what the goal waits for."""
