@@ -34,8 +34,11 @@ class ProcessWatch:
         running: list[Any] = [getattr(process, "popen", None) for process in tuple(monitored)]
         if any(one is None or one.poll() is not None for one in running):
             time.sleep(seconds)
-        else:
+            return
+        try:
             await_end([one.pid for one in running], self._bell(), _REPORTED, LONGEST)
+        except OSError:  # no descriptor left for one of them: poll, as roslaunch does
+            time.sleep(seconds)
 
     def then_ring(self, method: Callable[..., Any]) -> Callable[..., Any]:
         """Wraps a method so that it wakes up all waiting threads when it returns."""

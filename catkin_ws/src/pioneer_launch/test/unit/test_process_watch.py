@@ -1,5 +1,7 @@
 """Waits for processes in place of roslaunch's monitor, but returns as soon as something happens."""
 
+import errno
+import os
 import subprocess
 import threading
 import time
@@ -99,3 +101,18 @@ def test_an_end_that_is_not_reported_yet_does_not_turn_the_wait_into_a_busy_loop
             monitor.start()
             monitor.join(PATIENCE)
         assert time.monotonic() - began > 0.1
+
+
+def test_a_lack_of_descriptors_is_polled_through(
+    sleeper: subprocess.Popen[bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It raised an exception in roslaunch's monitor, which ended; no node was started again from then on."""
+
+    def no_descriptor(_pid: int) -> int:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(os, "pidfd_open", no_descriptor)
+    monitor = Monitor(ProcessWatch(), sleeper, seconds=0.05)
+    monitor.start()
+    monitor.join(PATIENCE)
+    assert 0.05 <= monitor.waited < LONGEST

@@ -62,9 +62,13 @@ class Listener:
                 self._reactor.change(self._socket.fileno(), 0)
                 self._reactor.call_later(1.0, self._resume)
             return
-        if sock.getsockname()[0] != address[0]:
-            _choose(sock, self._usual)
-        self._accepted(sock, f"{address[0]}:{address[1]}")
+        try:
+            if sock.getsockname()[0] != address[0]:
+                _choose(sock, self._usual)
+            self._accepted(sock, f"{address[0]}:{address[1]}")
+        except Exception as error:  # noqa: BLE001 - logged; it costs this connection, not the port
+            sock.close()
+            self._reactor.faults.take(error)
 
     def close(self, reason: str) -> None:
         """Stops listening; a second call does nothing."""

@@ -1,6 +1,5 @@
 """An epoll event loop: one thread serves all sockets and timers of a relay."""
 
-import contextlib
 import heapq
 import itertools
 import logging
@@ -13,14 +12,12 @@ from collections import deque
 from collections.abc import Callable
 from typing import Protocol
 
+from tcpros.loop_faults import LoopFaults
 from tcpros.moderation import Moderation
 from tcpros.pipe import Pipe
 
 BUFFER_SIZE = 256 * 1024
 """Size of the single receive buffer [bytes]: small enough to stay in the CPU cache."""
-
-_LINE_MAY_FAIL = contextlib.suppress(Exception)
-"""For log lines of the loop: one that cannot be written, as on a full disk, must not end it."""
 
 
 class Handler(Protocol):
@@ -58,7 +55,9 @@ class Reactor:
         self.pipe = Pipe()  #: for handlers that splice
         self.moved = 0  #: bytes of topic messages in this round; handlers add to it
         self._moderation = Moderation()
-        self._logger = logger
+        self.faults = LoopFaults(
+            logger, "the event loop"
+        )  #: takes unexpected exceptions of handlers
         self._epoll = select.epoll()
         self._handlers: dict[int, Handler] = {}
         self._timers: list[tuple[float, int, Timer]] = []
@@ -131,11 +130,8 @@ class Reactor:
                 elif handler is not None:
                     try:
                         handler.ready(events)
-                    except Exception:
-                        with _LINE_MAY_FAIL:
-                            self._logger.critical(
-                                "internal error; one connection is closed", exc_info=True
-                            )
+                    except Exception as error:  # noqa: BLE001 - the outermost; it is logged
+                        self.faults.take(error)
                         self._guard(lambda h=handler: h.close("internal fault"))  # type: ignore[misc]
             self._run_timers()
             self._run_calls()
@@ -169,6 +165,5 @@ class Reactor:
     def _guard(self, callback: Callable[[], object]) -> None:
         try:
             callback()
-        except Exception:
-            with _LINE_MAY_FAIL:
-                self._logger.critical("internal error in a callback", exc_info=True)
+        except Exception as error:  # noqa: BLE001 - the outermost; it is logged
+            self.faults.take(error)

@@ -30,3 +30,26 @@ def test_only_peers_on_this_machine_are_sent_to_without_pacing(peer: str) -> Non
         listener.ready(select.EPOLLIN)
     listener._socket.close()
     assert accepted == [b"reno" if peer == "127.0.0.1" else usual]
+
+
+def test_an_exception_in_accepting_costs_that_connection_and_not_the_port() -> None:
+    """The port of a gateway was closed for good."""
+    reactor = Reactor(logging.getLogger())
+    peers = list[str]()
+
+    def take(sock: socket.socket, peer: str) -> None:
+        peers.append(peer)
+        if len(peers) == 1:
+            raise RuntimeError("as asked")
+        sock.close()
+        reactor.stop()
+
+    listener = Listener(reactor, "127.0.0.1", 0, take)
+    listener.start()
+    reactor.call_later(20.0, reactor.stop)
+    with (
+        socket.create_connection(("127.0.0.1", listener.port)),
+        socket.create_connection(("127.0.0.1", listener.port)),
+    ):
+        reactor.run()
+    assert len(peers) == 2

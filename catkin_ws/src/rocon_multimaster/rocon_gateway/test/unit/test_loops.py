@@ -1,7 +1,10 @@
 """Loops and threads of the gateway keep running after what hubs, names and other programs do."""
 
+import itertools
 import logging
+import os
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,16 +12,21 @@ from typing import Any
 import pytest
 import redis
 
+from pioneer_harness.wait import wait_until
 from rocon_gateway.doctor import facts
 from rocon_gateway.doctor.examination import Examination
 from rocon_gateway.doctor.examiner import Examiner
 from rocon_gateway.hub import client as hub_client
+from rocon_gateway.hub import hubs as hubs_module
 from rocon_gateway.hub import session as hub_session
 from rocon_gateway.hub.client import HubClient, HubContext
 from rocon_gateway.hub.hubs import Hubs, HubsConfig
-from rocon_gateway.hub.presence import Candidate
+from rocon_gateway.hub.presence import Candidate, HubView
 from rocon_gateway.hub.session import HubSession
 from rocon_gateway.hub.state import HubState, Publication
+from rocon_gateway.master import liveness
+from rocon_gateway.master.liveness import NodeExaminer
+from rocon_gateway.node import gateway
 from rocon_gateway.node.gateway import GatewayNode
 from rocon_gateway.node.program_load import ProgramLoad
 from rocon_hub_protocol.address import HubAddress
@@ -26,6 +34,7 @@ from rocon_hub_protocol.code import Code, HubError
 from rocon_hub_protocol.key import record_key
 from rocon_hub_protocol.record import PROTOCOL, PeerRequest, Record, RecordError
 from rocon_hub_protocol.redis_client import OPEN
+from tcpros.loop_faults import LoopFaults
 
 PATIENCE = 20.0
 RECORD = Record("robot", "instance", "127.0.0.1", 1)
@@ -89,7 +98,173 @@ def test_a_hubs_thread_survives_unexpected_exceptions(
     assert answered.wait(PATIENCE)
     hub.stop()
     hub.join()
-    assert caplog.text.count("internal error with the hub at") == 3
+    assert caplog.text.count("internal error in the membership in the hub at") == 3
+
+
+class Injector:
+    """Makes functions of which one call fails: the one of this number, over all of them."""
+
+    def __init__(self, failing: int) -> None:
+        self.calls = 0
+        self.has_failed = threading.Event()
+        self._failing = failing
+
+    def of(self, value: Any = None) -> Callable[..., Any]:
+        """Returns a function that returns `value`."""
+
+        def call(*_arguments: Any, **_named: Any) -> Any:
+            self.calls += 1
+            if self.calls == self._failing:
+                self.has_failed.set()
+                raise RuntimeError("as asked")
+            return value
+
+        return call
+
+
+def run_gateways_loop(injector: Injector, rounds: int) -> int:
+    """Runs the gateway's loop with parts of which a call fails; returns how many rounds it made."""
+    made = 0
+
+    def is_set() -> bool:
+        nonlocal made
+        made += 1
+        return made > rounds
+
+    call = injector.of
+    node: Any = object.__new__(GatewayNode)
+    node._faults = LoopFaults(logging.getLogger("loops"), "the gateway's loop")
+    node._stopping = SimpleNamespace(is_set=is_set, wait=lambda _seconds: None)
+    node._bell = SimpleNamespace(wait=call(False), is_due=True)
+    node._reader, node._period = -1, 0.0
+    node._look, node._turn = call(True), call()
+    node._keyring = SimpleNamespace(refresh=call())
+    node._kept = SimpleNamespace(text=call("text"))
+    node._hubs = SimpleNamespace(keep=call())
+    node._own = [SimpleNamespace(turn=call()), SimpleNamespace(turn=call())]
+    node._diagnostics = SimpleNamespace(has_subscribers=True, publish=list)
+    node._diagnostic_array, node._node = call(), SimpleNamespace(call=call())
+    node._loop()
+    return made
+
+
+def test_the_gateways_loop_survives_an_exception_of_every_call_it_makes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(gateway, "DIAGNOSTIC_PERIOD", 0.0)
+    complete = Injector(0)
+    assert run_gateways_loop(complete, 1) == 2
+    assert complete.calls == 10
+    for failing in range(1, complete.calls + 1):
+        injector = Injector(failing)
+        assert run_gateways_loop(injector, 2) == 3
+        assert injector.has_failed.is_set()
+        assert injector.calls > complete.calls, "the second round makes every call"
+
+
+class InjectedSession:
+    """A session with a hub, of which one call fails."""
+
+    identity, hub_name, salt, name, instance = "id", "hub", "", "robot", "instance"
+    address = HubAddress("127.0.0.1", 6380)
+    holder = None
+
+    def __init__(self, injector: Injector, reader: int) -> None:
+        call = injector.of
+        self.kept, self.keep, self.join, self.leave = call(""), call(), call(), call()
+        self.namespaces, self.live = call(frozenset()), call(("instance", True))
+        self.present, self.records, self.requests = call(set()), call({}), call({})
+        self.watch, self.unwatch, self.write = call(), call(), call()
+        self.close = call()
+        connection = SimpleNamespace(can_read=call(False), _sock=reader)
+        self.events = SimpleNamespace(connection=connection, get_message=call())
+
+
+def test_a_hubs_thread_survives_an_exception_of_every_call_it_makes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(hub_client, "RETRY", 0.001)
+    monkeypatch.setattr(hub_client, "HEARTBEAT", 0.001)
+    reader, writer = os.pipe()
+
+    def run(injector: Injector) -> None:
+        """Runs a hub's thread until the call has failed and the hub has been joined after that."""
+        call = injector.of
+        joined = threading.Event()
+
+        def take(_hub: HubClient, view: HubView | None) -> None:
+            call()()
+            if view is not None and view.connected and injector.calls > 40:
+                joined.set()
+
+        context = HubContext(
+            open=lambda _way: call(InjectedSession(injector, reader))(),
+            claim=call(),
+            linked=call(()),
+            take=take,
+            complain=call(),
+            examine=call(),
+            logger=logging.getLogger("loops"),
+            host="127.0.0.1",
+            restore=call("text"),
+            learn=call(),
+        )
+        way = Candidate(HubAddress("127.0.0.1", 1))
+        hub = HubClient([way], True, Publication(RECORD, {}, frozenset()), context)
+        wait_until(lambda: injector.calls > 40, "enough calls", PATIENCE)
+        # A view is reported when it changes.
+        names = itertools.count()
+        while not joined.wait(0.01):
+            assert hub._thread.is_alive()
+            hub._shown = HubView(hub_name=str(next(names)))
+        hub.stop()
+        hub.join()
+        assert not hub._thread.is_alive()
+
+    for failing in range(31):
+        run(Injector(failing))
+    os.close(reader)
+    os.close(writer)
+
+
+def test_the_search_for_hubs_survives_exceptions(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hubs_module, "RETRY", 0.001)
+    injectors = [Injector(1), Injector(2), Injector(3)]
+    for injector in injectors:
+        found = SimpleNamespace(
+            sightings=injector.of([]), rest=injector.of(), interfaces=(), stack=""
+        )
+        monkeypatch.setattr(hubs_module, "Discovery", lambda _changed, found=found: found)
+        hubs = Hubs(
+            HubsConfig(discover=True),
+            RECORD,
+            set,
+            list,
+            logging.getLogger("loops"),
+            lambda *_: None,
+        )
+        assert injector.has_failed.wait(PATIENCE)
+        before = injector.calls
+        wait_until(lambda i=injector, n=before: i.calls > n, "the search goes on", PATIENCE)  # type: ignore[misc]
+        hubs.shutdown()
+        assert hubs._searcher is not None
+        assert not hubs._searcher.is_alive()
+
+
+def test_the_examination_of_nodes_survives_exceptions_and_a_lack_of_threads(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(liveness, "PERIOD", 0.001)
+    examiner = NodeExaminer("http://127.0.0.1:9", "/gateway", list)
+    injector = Injector(1)
+    monkeypatch.setattr(examiner, "_is_dead", injector.of(True))
+    with monkeypatch.context() as patch:
+        patch.setattr(threading.Thread, "start", Injector(1).of())
+        examiner.examine(frozenset({"/one"}))
+    examiner.examine(frozenset({"/one"}))
+    wait_until(lambda: examiner.dead == {"/one"}, "the examination", PATIENCE)
+    assert injector.has_failed.is_set()
+    examiner.examine(frozenset())
 
 
 class BusySession:

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from rocon_hub.guess import LONGEST_DELAY, MEMORY, FailingHosts
 from rocon_hub_protocol.admission import BUSY, LONGEST_LINE, UNPROVEN, HubSide
 from rocon_hub_protocol.cpace import ProofError
+from tcpros.loop_faults import LoopFaults
 
 HANDSHAKE_TIME = 5.0
 """Timeout for each line of a client's proof [s]."""
@@ -57,6 +58,7 @@ class Front:
     ) -> None:
         self._target, self._password = target, password
         self._logger = logging.getLogger("rosout")
+        self._faults = LoopFaults(self._logger, "the hub's port")
         self._sockets = _listening(port)
         self._context = context
         self._most = self._most_unproven()
@@ -112,15 +114,20 @@ class Front:
             except OSError as error:
                 if error.errno in NO_FILE_LEFT:
                     self._drop_oldest()
-                    await asyncio.sleep(ROOM_PERIOD)
+                # Whatever is missing, such as memory: the next attempt would fail at once, and block all clients.
+                await asyncio.sleep(ROOM_PERIOD)
                 continue
-            client = Client(self._loop, connection, self._left)
-            self._clients.add(client)
-            self._unproven[client] = None
-            client.admission = self._loop.create_task(self._admit(client, connection, address[0]))
-            if len(self._unproven) > self._most:
-                self._drop_oldest()
+            with self._faults:
+                self._take(connection, address[0])
             await asyncio.sleep(0)
+
+    def _take(self, connection: socket.socket, host: str) -> None:
+        client = Client(self._loop, connection, self._left)
+        self._clients.add(client)
+        self._unproven[client] = None
+        client.admission = self._loop.create_task(self._admit(client, connection, host))
+        if len(self._unproven) > self._most:
+            self._drop_oldest()
 
     def _drop_oldest(self) -> None:
         for client in list(self._unproven)[:1]:
@@ -164,6 +171,9 @@ class Front:
             if not is_proven:
                 transport.close()
         except OSError:  # it is too slow, or Redis has died or is starting
+            transport.close()
+        except Exception as error:  # noqa: BLE001 - the outermost of this task; it is logged
+            self._faults.take(error)
             transport.close()
 
     async def _judge(self, client: "Client", host: str) -> tuple[bytes, bool]:

@@ -35,9 +35,15 @@ class Examiner:
             if len(waiting) < MAX_WAITING:
                 waiting.add(request)
         if idle:
-            threading.Thread(
+            thread = threading.Thread(
                 target=self._look, args=(session,), name="examination", daemon=True
-            ).start()
+            )
+            try:
+                thread.start()
+            except RuntimeError as error:  # no more threads on this machine
+                _LOGGER.warning("no examination for the doctor: %s", error)
+                with self._lock:
+                    self._waiting.pop(session)
 
     def _look(self, session: HubSession) -> None:
         # Imported on first use.

@@ -25,6 +25,7 @@ from rocon_hub_protocol.code import Code, HubError
 from rocon_hub_protocol.key import EXAMINE_KEY
 from tcpros.descriptor import readable
 from tcpros.header import printable
+from tcpros.loop_faults import LoopFaults
 
 RETRY = 0.5
 """Average pause between two attempts to connect to a hub [s]; see `retry_pause`."""
@@ -101,7 +102,7 @@ class HubClient:
         self._keep = self._kept = ""
         self._salt = ""
         self._told_lost = False
-        self._fault = ""  #: the last unexpected exception, which is logged once
+        self._faults = LoopFaults(context.logger, f"the membership in the hub at {ways[0].address}")
         self._reported_faults: dict[str, str] = {}
         self._nameless: set[Candidate] = set()
         self._stopping = False
@@ -161,7 +162,8 @@ class HubClient:
             if self.refused and not self.named:
                 break
             self._pause(RETRY_REFUSED if self.refused else retry_pause())
-        self._context.take(self, None)
+        with self._faults:
+            self._context.take(self, None)
         with self._pipe:
             os.close(self._wake_reader)
             os.close(self._wake_writer)
@@ -178,14 +180,9 @@ class HubClient:
 
     def _try(self, way: Candidate) -> bool:
         """Visits the hub at this address; an unexpected exception costs only this visit. Returns as `_visit`."""
-        try:
+        with self._faults:
             return self._visit(way)
-        except Exception as error:  # top level of this thread: any exception here is a bug
-            if repr(error) != self._fault:
-                self._fault = repr(error)
-                text = "internal error with the hub at %s; reconnecting"
-                self._context.logger.critical(text, way.address, exc_info=True)
-            return False
+        return False
 
     def _visit(self, way: Candidate) -> bool:
         """Connects to the hub at this address and stays on it as long as possible; returns whether it was refused."""

@@ -18,6 +18,7 @@ from rocon_hub_protocol.discovery import Discovery
 from rocon_hub_protocol.record import PeerRequest, Record
 from rocon_hub_protocol.redis_client import OPEN, Access
 from rocon_hub_protocol.sighting import Sighting
+from tcpros.loop_faults import LoopFaults
 
 LOOK = 3.0
 """Duration of one mDNS search while we are on a hub [s]; without a hub, the search continues."""
@@ -269,22 +270,30 @@ class Hubs:
     def _search(self) -> None:
         discovery = Discovery(self._woken.set)
         rest_at = 0.0
+        faults = LoopFaults(self._logger, "the search for hubs")
         while not self._stopping:
-            now = time.monotonic()
-            if not self.view().connected:
-                rest_at = now + LOOK
-            if now < rest_at:
-                try:
-                    self._follow(discovery)
-                except OSError as error:  # out of descriptors
-                    self._complain(HubClient, f"cannot join a hub that was found: {error}")
+            with faults:
+                now = time.monotonic()
+                if not self.view().connected:
+                    rest_at = now + LOOK
+                if now < rest_at:
+                    self._follow_as_possible(discovery)
+                    self._woken.wait(RETRY)
+                else:
+                    discovery.rest()
+                    if not self._woken.wait(REST):
+                        rest_at = time.monotonic() + LOOK
+            if faults.has_failed:
                 self._woken.wait(RETRY)
-            else:
-                discovery.rest()
-                if not self._woken.wait(REST):
-                    rest_at = time.monotonic() + LOOK
             self._woken.clear()
-        discovery.rest()
+        with faults:
+            discovery.rest()
+
+    def _follow_as_possible(self, discovery: Discovery) -> None:
+        try:
+            self._follow(discovery)
+        except OSError as error:  # out of descriptors
+            self._complain(HubClient, f"cannot join a hub that was found: {error}")
 
     def _follow(self, discovery: Discovery) -> None:
         """Joins new hubs; gives up lost ones if we are on another hub or other candidates are waiting."""

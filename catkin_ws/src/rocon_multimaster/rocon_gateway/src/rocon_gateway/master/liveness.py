@@ -5,6 +5,7 @@ and a host that does not answer may be behind a cut network.
 """
 
 import http.client
+import logging
 import socket
 import threading
 import urllib.parse
@@ -12,6 +13,7 @@ from collections.abc import Callable
 
 from rocon_gateway.master.line import MasterError, MasterLine, UnknownError, request, value
 from rocon_relay.connection import is_proxy_uri
+from tcpros.loop_faults import LoopFaults
 
 TIMEOUT = 2.0
 """How long a node's host may take to answer [s]."""
@@ -89,6 +91,7 @@ class NodeExaminer:
         self._dead: frozenset[str] = frozenset()
         self._thread: threading.Thread | None = None
         self._woken = threading.Event()
+        self._faults = LoopFaults(logging.getLogger("rosout"), "the examination of nodes")
 
     @property
     def dead(self) -> frozenset[str]:
@@ -104,8 +107,17 @@ class NodeExaminer:
             self._dead &= nodes
             self._woken.set()
             if nodes and self._thread is None:
-                self._thread = threading.Thread(target=self._run, name="examine", daemon=True)
-                self._thread.start()
+                self._start()
+
+    def _start(self) -> None:
+        thread = threading.Thread(target=self._run, name="examine", daemon=True)
+        try:
+            thread.start()
+        except RuntimeError as error:  # no more threads on this machine
+            self._nodes = frozenset()  # so that the next call tries again
+            self._faults.take(error)
+        else:
+            self._thread = thread
 
     def _run(self) -> None:
         while True:
@@ -115,14 +127,18 @@ class NodeExaminer:
                 if not nodes:
                     self._thread = None
                     return
-            found = frozenset(node for node in nodes if self._is_dead(node))
-            with self._lock:
-                found &= self._nodes
-                is_new = found != self._dead
-                self._dead = found
-            if is_new:
-                self._changed()
+            with self._faults:
+                self._examine_all(nodes)
             self._woken.wait(PERIOD)
+
+    def _examine_all(self, nodes: frozenset[str]) -> None:
+        found = frozenset(node for node in nodes if self._is_dead(node))
+        with self._lock:
+            found &= self._nodes
+            is_new = found != self._dead
+            self._dead = found
+        if is_new:
+            self._changed()
 
     def _is_dead(self, node: str) -> bool:
         try:

@@ -56,12 +56,16 @@ from rocon_relay.relay import TcpRelay
 from rocon_relay.traffic import Traffic
 from tcpros.descriptor import raise_limit
 from tcpros.error import CertificateError
+from tcpros.loop_faults import LoopFaults
 from tcpros.reactor import Reactor
 from tcpros.tls import Certificates, certificates_from
 
 _HUB = "/hub"
 SETTLE = 1.0
 """How long a service waits until topics report its changes [s]; limited, because the master may delay that."""
+
+_AFTER_FAULT = 1.0
+"""Pause after a step of the loop that has failed [s]."""
 
 _REST, _LONGEST_REST = 3.0, 0.25
 """Pause after a turn, as a multiple of its duration, and its limit [s]. Turns of a large fleet take about 0.02 s."""
@@ -151,6 +155,7 @@ class GatewayNode:
             self._logger,
             Examiner().asked,
         )
+        self._faults = LoopFaults(self._logger, "the gateway's loop")
         self._turned, self._begun, self._done = threading.Condition(), 0, 0
         self._handlers = ServiceHandlers(
             node, book, self._hubs, self._relay, self._settle, self._set_period
@@ -224,24 +229,32 @@ class GatewayNode:
 
     def _run(self) -> None:
         try:
-            self._remove_leftovers()
-            self._turn()
+            with self._faults:
+                self._remove_leftovers()
+            with self._faults:
+                self._turn()
             self._node.call(self._handlers.open)
             self._node.call(partial(self._node.when_registered, self._registered.set))
             self._registered.wait()
             self._opened = True
             self._logger.info("gateway '%s', relay on port %d", self._name, self._relay.port)
-            _warn_on_the_hubs_master(self._node)
+            with self._faults:
+                _warn_on_the_hubs_master(self._node)
             self._loop()
         except Exception:  # top level of this thread: any exception here is a bug
             self._logger.critical("the gateway ended by an error", exc_info=True)
             self._failed()
         finally:
-            self._hubs.shutdown()
-            self._relay.shutdown()
-            self._master.close()
-            self._bell.close()
-            self._examiner.examine(frozenset())
+            ends: tuple[Callable[[], object], ...] = (
+                self._hubs.shutdown,
+                self._relay.shutdown,
+                self._master.close,
+                self._bell.close,
+                partial(self._examiner.examine, frozenset()),
+            )
+            for end in ends:
+                with self._faults:
+                    end()
             self._stopping.wait()
             self._ended()
 
@@ -258,30 +271,54 @@ class GatewayNode:
 
     def _loop(self) -> None:
         full = diagnose = 0.0
+        steps = self._faults
         while not self._stopping.is_set():
-            woken = self._bell.wait(self._reader, diagnose - time.monotonic())
-            if woken:
-                with contextlib.suppress(BlockingIOError):
-                    os.read(self._reader, 4096)
+            woken = changed = False
+            with steps:
+                woken = self._is_woken(diagnose - time.monotonic())
+            failed = steps.has_failed
             now = time.monotonic()
-            changed = self._bell.is_due and self._look()
+            with steps:
+                changed = self._bell.is_due and self._look()
+            failed = failed or steps.has_failed
             if changed or woken or now >= full:
-                self._turn()
                 full = now + self._period
+                with steps:
+                    self._turn()
+                failed = failed or steps.has_failed
                 # Changes come in bursts; the next turn handles all that arrive during the pause.
                 self._stopping.wait(min(_REST * (time.monotonic() - now), _LONGEST_REST))
             if now >= diagnose:
                 diagnose = now + DIAGNOSTIC_PERIOD
-                if self._keyring:
-                    self._keyring.refresh()
-                if self._kept and (kept := self._kept.text()) is not None:
-                    self._hubs.keep(kept)
-                for topic in self._own:
-                    topic.turn()
-                if self._diagnostics.has_subscribers:
-                    self._node.call(
-                        partial(self._diagnostics.publish, self._diagnostic_array(with_links=True))
-                    )
+                for step in (self._refresh_keys, self._keep, *self._own_turns(), self._diagnose):
+                    with steps:
+                        step()
+            if failed:
+                self._stopping.wait(_AFTER_FAULT)
+
+    def _is_woken(self, limit: float) -> bool:
+        """Waits until a poll of the master is due or something has changed; returns whether the latter."""
+        woken = self._bell.wait(self._reader, limit)
+        if woken:
+            with contextlib.suppress(BlockingIOError):
+                os.read(self._reader, 4096)
+        return woken
+
+    def _refresh_keys(self) -> None:
+        if self._keyring:
+            self._keyring.refresh()
+
+    def _keep(self) -> None:
+        if self._kept and (kept := self._kept.text()) is not None:
+            self._hubs.keep(kept)
+
+    def _own_turns(self) -> list[Callable[[], object]]:
+        return [topic.turn for topic in self._own]
+
+    def _diagnose(self) -> None:
+        if self._diagnostics.has_subscribers:
+            array = self._diagnostic_array(with_links=True)
+            self._node.call(partial(self._diagnostics.publish, array))
 
     def _look(self) -> bool:
         try:

@@ -1,0 +1,37 @@
+"""The handler of outermost loops."""
+
+import logging
+
+import pytest
+
+from tcpros.loop_faults import MAX_REMEMBERED, LoopFaults
+
+
+def fail(text: str) -> None:
+    raise RuntimeError(text)
+
+
+def test_each_fault_is_logged_once_with_its_traceback(caplog: pytest.LogCaptureFixture) -> None:
+    faults = LoopFaults(logging.getLogger("loop"), "a loop")
+    for _ in range(3):
+        with faults:
+            fail("as asked")
+        assert faults.has_failed
+    with faults:
+        assert not faults.has_failed
+    assert not faults.has_failed
+    assert caplog.text.count("internal error in a loop") == 1
+    assert "in fail\n    raise RuntimeError(text)" in caplog.text
+
+
+def test_the_number_of_logged_faults_is_bounded(caplog: pytest.LogCaptureFixture) -> None:
+    faults = LoopFaults(logging.getLogger("loop"), "a loop")
+    for number in range(100):
+        with faults:
+            fail(str(number))
+    assert len(caplog.records) == MAX_REMEMBERED
+
+
+def test_what_ends_a_process_is_not_taken() -> None:
+    with pytest.raises(KeyboardInterrupt), LoopFaults(logging.getLogger("loop"), "a loop"):
+        raise KeyboardInterrupt
