@@ -281,9 +281,9 @@ def test_layered_parameters_mean_the_same_as_classic_ones():
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"map_type": "voxel"}, "voxel"),
-        ({"plugins": [{"name": "x", "type": "costmap_2d::VoxelLayer"}]}, "no such layer"),
-        ({**SENSING, "laser": {**LASER, "data_type": "PointCloud"}}, "there are.*PointCloud2"),
+        ({"map_type": "octree"}, "octree"),
+        ({"plugins": [{"name": "x", "type": "costmap_2d::OctreeLayer"}]}, "no such layer"),
+        ({**SENSING, "laser": {**LASER, "data_type": "Image"}}, "there are.*PointCloud2"),
         (
             {**SENSING, "laser": {**LASER, "observation_persistence": -1.0}},
             "observation_persistence",

@@ -20,6 +20,7 @@ from nav_bundle.costmap.config import (
     ObstacleConfig,
     SourceConfig,
     StaticConfig,
+    VoxelConfig,
 )
 from nav_bundle.localisation.config import AmclConfig
 from nav_bundle.mapping.config import GmappingConfig
@@ -37,6 +38,7 @@ CONFIGS: dict[str, type[Any]] = {
     "move_base/{global,local}_costmap": CostmapConfig,
     "costmap_2d::StaticLayer": StaticConfig,
     "costmap_2d::ObstacleLayer": ObstacleConfig,
+    "costmap_2d::VoxelLayer": VoxelConfig,
     "an observation source": SourceConfig,
     "costmap_2d::InflationLayer": InflationConfig,
     "nav_bundle::FleetLayer": FleetConfig,

@@ -6,10 +6,18 @@ from typing import Annotated, Any
 
 from nav_bundle.costmap.footprint import Footprint, footprint_from_parameters
 from pioneer_node.core.live import Live
-from pioneer_node.core.parameter import UNKNOWN, ParameterError, config_from_mapping, value_as
+from pioneer_node.core.parameter import (
+    UNKNOWN,
+    ParameterError,
+    WithoutEffect,
+    config_from_mapping,
+    value_as,
+)
 
-DATA_TYPES = ("LaserScan", "PointCloud2")
+DATA_TYPES = ("LaserScan", "PointCloud", "PointCloud2")
 """Supported message types of an observation source."""
+HIGHEST_COLUMN = 16
+"""Greatest number of voxels in a column, as in costmap_2d."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +74,25 @@ class ObstacleConfig:
     combination_method: Annotated[int, Live(0, 1, (("Overwrite", 0), ("Maximum", 1)))] = 1
     max_obstacle_height: Annotated[float, Live(0.0, 50.0)] = 2.0
     sources: tuple[SourceConfig, ...] = ()
+
+
+@dataclass(frozen=True)
+class VoxelConfig(ObstacleConfig):
+    """A voxel layer: an obstacle layer whose cells are columns of ``z_voxels`` voxels (at most 16).
+
+    The lowest voxel begins at ``origin_z`` [m] in the costmap's frame, and each is ``z_resolution`` [m] high. A column
+    is an obstacle if more than ``mark_threshold`` of its voxels are marked, else unknown if more than
+    ``unknown_threshold`` are unknown, else free.
+    """
+
+    origin_z: Annotated[float, Live(0.0)] = 0.0
+    z_resolution: Annotated[float, Live(0.0, 50.0)] = 0.2
+    z_voxels: Annotated[int, Live(1, HIGHEST_COLUMN)] = 10
+    unknown_threshold: Annotated[int, Live(0, HIGHEST_COLUMN)] = 15
+    mark_threshold: Annotated[int, Live(0, HIGHEST_COLUMN)] = 0
+    publish_voxel_map: Annotated[
+        bool, WithoutEffect("is not available: the voxels are not published")
+    ] = False
 
 
 @dataclass(frozen=True)
@@ -134,6 +161,7 @@ class CostmapConfig:
 _LAYERS = {
     "costmap_2d::StaticLayer": StaticConfig,
     "costmap_2d::ObstacleLayer": ObstacleConfig,
+    "costmap_2d::VoxelLayer": VoxelConfig,
     "nav_bundle::FleetLayer": FleetConfig,
     "costmap_2d::InflationLayer": InflationConfig,
 }
@@ -175,6 +203,13 @@ _COPIED: dict[type[Any], tuple[str, ...]] = {
         "obstacle_range",
         "raytrace_range",
         "track_unknown_space",
+    ),
+    VoxelConfig: (
+        "max_obstacle_height",
+        "obstacle_range",
+        "raytrace_range",
+        "track_unknown_space",
+        *_VOXELS,
     ),
     InflationConfig: ("cost_scaling_factor", "inflation_radius"),
     FleetConfig: (),
@@ -237,12 +272,15 @@ def _check(config: CostmapConfig, owner: str) -> None:
 
 
 def _classic_layers(parameters: Mapping[str, Any], owner: str) -> dict[str, LayerConfig]:
-    if parameters.get("map_type", "costmap") != "costmap":
+    map_type = parameters.get("map_type", "costmap")
+    if map_type not in ("costmap", "voxel"):
         raise ParameterError(
-            f"{owner}: map_type {parameters['map_type']!r} is not available, only 'costmap' is"
+            f"{owner}: map_type {map_type!r} is not available; there are 'costmap' and 'voxel'"
         )
+    kind = VoxelConfig if map_type == "voxel" else ObstacleConfig
     for name in sorted(set(_VOXELS) & parameters.keys()):
-        UNKNOWN.complain(f"{owner}: ~{name} is for map_type 'voxel'")
+        if kind is ObstacleConfig:
+            UNKNOWN.complain(f"{owner}: ~{name} is for map_type 'voxel'")
     own = {
         name: {**parameters, **_nested(parameters, name)}
         for name in (_STATIC, _OBSTACLE, _INFLATION)
@@ -251,8 +289,8 @@ def _classic_layers(parameters: Mapping[str, Any], owner: str) -> dict[str, Laye
     if value_as(bool, parameters.get("static_map", False), f"{owner}: parameter ~static_map"):
         layers[_STATIC] = _from_matching(StaticConfig, own[_STATIC], owner, {"track_unknown_space"})
         _report_unknown(StaticConfig, _nested(parameters, _STATIC), f"{owner}/{_STATIC}")
-    layers[_OBSTACLE] = _obstacles((own[_OBSTACLE],), owner)
-    _report_unknown(ObstacleConfig, _nested(parameters, _OBSTACLE), f"{owner}/{_OBSTACLE}")
+    layers[_OBSTACLE] = _obstacles((own[_OBSTACLE],), owner, kind)
+    _report_unknown(kind, _nested(parameters, _OBSTACLE), f"{owner}/{_OBSTACLE}")
     if _nested(parameters, _FLEET):
         layers[_FLEET] = config_from_mapping(FleetConfig, parameters[_FLEET], f"{owner}/{_FLEET}")
     layers[_INFLATION] = _from_matching(InflationConfig, own[_INFLATION], owner)
@@ -263,10 +301,11 @@ def _classic_layers(parameters: Mapping[str, Any], owner: str) -> dict[str, Laye
 def _report_unknown(kind: type[Any], own: Mapping[str, Any], owner: str) -> None:
     """Warns of names in a layer's own namespace that the layer does not read; sources are namespaces in it."""
     known = {field.name for field in fields(kind)} - {"sources"}
-    if kind is ObstacleConfig:
+    has_sources = issubclass(kind, ObstacleConfig)
+    if has_sources:
         known |= set(_OF_SOURCES)
     for name, value in own.items():
-        if name not in known and not (kind is ObstacleConfig and isinstance(value, Mapping)):
+        if name not in known and not (has_sources and isinstance(value, Mapping)):
             UNKNOWN.report(owner, name, known)
 
 
@@ -294,7 +333,8 @@ def _plugin(parameters: Mapping[str, Any], plugin: Any, owner: str) -> tuple[str
         kind = by_name[str(plugin["type"]).split("::")[-1]]
     except (KeyError, TypeError):
         raise ParameterError(
-            f"{owner}: no such layer {plugin!r}; there are {', '.join(_LAYERS)}"
+            f"{owner}: no such layer {plugin!r}; there are {', '.join(_LAYERS)}. Remove it from ~plugins"
+            f"{_instead(plugin)}"
         ) from None
     # A layer may have the name of a parameter, such as static_map, which is no namespace then.
     own = _nested(parameters, name)
@@ -305,10 +345,25 @@ def _plugin(parameters: Mapping[str, Any], plugin: Any, owner: str) -> tuple[str
                 f"{owner}: ~{each} is {copied[each]!r}, but ~{name}/{each} is {own[each]!r} and counts"
             )
     layer_owner = f"{owner}/{name}"
-    if kind is ObstacleConfig:
+    if issubclass(kind, ObstacleConfig):
         _report_unknown(kind, own, layer_owner)
-        return name, _obstacles(({**copied, **own}, parameters), layer_owner)
+        return name, _obstacles(({**copied, **own}, parameters), layer_owner, kind)
     return name, config_from_mapping(kind, {**copied, **own}, layer_owner)
+
+
+_INSTEAD = {
+    "RangeSensorLayer": ", and give its topics as PointCloud2 to an obstacle layer",
+    "SocialLayer": "; people count as obstacles while sensors see them",
+    "ProxemicLayer": "; people count as obstacles while sensors see them",
+    "PassingLayer": "; people count as obstacles while sensors see them",
+}
+"""What to do instead of published layers that do not exist here, by class."""
+
+
+def _instead(plugin: Any) -> str:
+    """Returns what to do instead of a layer that does not exist here; empty if that is not known."""
+    kind = str(plugin.get("type", "")) if isinstance(plugin, Mapping) else ""
+    return _INSTEAD.get(kind.replace("::", "/").split("/")[-1], "")
 
 
 def _source_names(value: Any, owner: str) -> list[str]:
@@ -322,11 +377,15 @@ def _source_names(value: Any, owner: str) -> list[str]:
     )
 
 
-def _obstacles(scopes: Sequence[Mapping[str, Any]], owner: str) -> ObstacleConfig:
+def _obstacles(
+    scopes: Sequence[Mapping[str, Any]], owner: str, kind: type[ObstacleConfig]
+) -> ObstacleConfig:
     """Returns the layer described in ``scopes[0]``; a source's missing parameters come from the outer scopes."""
     own = scopes[0]
     names = _source_names(own.get("observation_sources", ""), owner)
-    layer = _from_matching(ObstacleConfig, own, owner, {"sources"})
+    layer = _from_matching(kind, own, owner, {"sources"})
+    if isinstance(layer, VoxelConfig):
+        layer = _checked_column(layer, owner)
     if "track_unknown_space" not in own:
         what = f"{owner}: parameter ~track_unknown_space"
         layer = replace(
@@ -342,6 +401,15 @@ def _obstacles(scopes: Sequence[Mapping[str, Any]], owner: str) -> ObstacleConfi
             for source in sources
         ),
     )
+
+
+def _checked_column(layer: VoxelConfig, owner: str) -> VoxelConfig:
+    if layer.z_resolution <= 0.0:
+        raise ParameterError(f"{owner}: ~z_resolution must be positive, not {layer.z_resolution}")
+    count = min(max(layer.z_voxels, 1), HIGHEST_COLUMN)
+    if count != layer.z_voxels:
+        UNKNOWN.correct(f"{owner}: ~z_voxels is {layer.z_voxels}, taken as {count}")
+    return replace(layer, z_voxels=count)
 
 
 def _source(name: str, scopes: Sequence[Mapping[str, Any]], owner: str) -> SourceConfig:

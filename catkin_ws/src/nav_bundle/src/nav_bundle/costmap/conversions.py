@@ -3,7 +3,7 @@
 import numpy as np
 from map_msgs.msg import OccupancyGridUpdate
 from numpy.typing import NDArray
-from sensor_msgs.msg import LaserScan, PointCloud2, PointField
+from sensor_msgs.msg import LaserScan, PointCloud, PointCloud2, PointField
 
 from nav_bundle.base.conversions import CellFields, range_limits
 from nav_bundle.base.error import ObservationError
@@ -62,6 +62,13 @@ def points_from_cloud(message: PointCloud2) -> NDArray[np.float64]:
         size = f"{len(message.data)} bytes for {message.width} x {message.height} points of {message.point_step}"
         raise ObservationError(f"the point cloud has {size} bytes") from None
     points = np.stack([records[name].astype(np.float64) for name in "xyz"], axis=1)
+    return points[(np.abs(points) <= LARGEST).all(axis=1)]
+
+
+def points_from_old_cloud(message: PointCloud) -> NDArray[np.float64]:
+    """Returns a PointCloud's points (n, 3) [m] in its frame, as ``points_from_cloud`` does."""
+    points = np.array([(point.x, point.y, point.z) for point in message.points], np.float64)
+    points = points.reshape(-1, 3)
     return points[(np.abs(points) <= LARGEST).all(axis=1)]
 
 

@@ -16,12 +16,14 @@ from nav_bundle.costmap.config import (
     InflationConfig,
     ObstacleConfig,
     StaticConfig,
+    VoxelConfig,
 )
 from nav_bundle.costmap.cost import FREE, LETHAL, UNKNOWN, cells_of_distance
 from nav_bundle.costmap.fleet_layer import FleetLayer
 from nav_bundle.costmap.footprint_kernel import footprint_cost
 from nav_bundle.costmap.geometry import EMPTY, Cells, Geometry, Window
 from nav_bundle.costmap.layer import InflationLayer, Observation, ObstacleLayer, StaticLayer
+from nav_bundle.costmap.voxel_layer import VoxelLayer
 from nav_bundle.maps.grid import Grid
 
 _KNOWN = 0.3
@@ -157,7 +159,7 @@ class Costmap:
             if isinstance(layer, ObstacleLayer):
                 self._obstacles[index] = layer
                 if index in known:
-                    layer.cells = known[index].cells
+                    layer.succeed(known[index])
             self._layers.append(layer)
         self._fleet = [layer for layer in self._layers if isinstance(layer, FleetLayer)]
         self._margin = max(
@@ -175,6 +177,8 @@ class Costmap:
                 return InflationLayer(config, self.footprint, self.geometry.resolution)
             case FleetConfig():
                 return FleetLayer(config, self.footprint)
+            case VoxelConfig():
+                return VoxelLayer(config, self.geometry.rows, self.geometry.cols)
             case ObstacleConfig():
                 return ObstacleLayer(config, self.geometry.rows, self.geometry.cols)
         raise TypeError(f"no layer for {config!r}")

@@ -4,6 +4,7 @@ import math
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,13 +35,18 @@ _ROWS_AT_ONCE = 256  # bounds the temporary memory for large maps
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """One sensor reading: points (n, 2) [m], sensor position [m] and yaw [rad], all in the costmap's frame."""
+    """One sensor reading: points (n, 2) [m], sensor position [m] and yaw [rad], all in the costmap's frame.
+
+    ``heights`` are the points' heights [m], shape (n,); None if they are not known, which counts as the sensor's.
+    """
 
     source: SourceConfig
     sensor_x: float
     sensor_y: float
     points: NDArray[np.float64] = field(repr=False)
     sensor_yaw: float = 0.0
+    sensor_z: float = 0.0
+    heights: NDArray[np.float64] | None = field(default=None, repr=False)
 
 
 class ObservationBuffer:
@@ -190,6 +196,17 @@ def _sampled(cells: Cells, origin: Pose, resolution: float, place: Geometry) -> 
     return found
 
 
+def shifted(grid: NDArray[Any], down: int, right: int, default: int) -> NDArray[Any]:
+    """Returns ``grid``, shape (rows, cols), with its origin moved by cells; cells that enter are ``default``."""
+    rows, cols = grid.shape
+    moved = np.full_like(grid, default)
+    if abs(down) < rows and abs(right) < cols:
+        target = np.s_[max(-down, 0) : rows - max(down, 0), max(-right, 0) : cols - max(right, 0)]
+        source = np.s_[max(down, 0) : rows - max(-down, 0), max(right, 0) : cols - max(-right, 0)]
+        moved[target] = grid[source]
+    return moved
+
+
 class ObstacleLayer:
     """Sensor obstacles: returns mark cells, the rays to them clear cells.
 
@@ -202,30 +219,24 @@ class ObstacleLayer:
         self._default = UNKNOWN if config.track_unknown_space else FREE
         self.cells: Cells = np.full((rows, cols), self._default, np.uint8)
 
+    def succeed(self, predecessor: "ObstacleLayer") -> None:
+        """Takes over the obstacles of the layer that this one replaces."""
+        self.cells = predecessor.cells
+
     def clear(self) -> None:
         """Clears all cells."""
         self.cells.fill(self._default)
 
     def shift(self, down: int, right: int) -> None:
         """Shifts the grid's origin by cells; drops cells that leave the grid and resets those that enter."""
-        rows, cols = self.cells.shape
-        moved = np.full_like(self.cells, self._default)
-        if abs(down) < rows and abs(right) < cols:
-            target = np.s_[
-                max(-down, 0) : rows - max(down, 0), max(-right, 0) : cols - max(right, 0)
-            ]
-            source = np.s_[
-                max(down, 0) : rows - max(-down, 0), max(right, 0) : cols - max(-right, 0)
-            ]
-            moved[target] = self.cells[source]
-        self.cells = moved
+        self.cells = shifted(self.cells, down, right, self._default)
 
     def observe(
         self, geometry: Geometry, observations: Iterable[Observation], outline: NDArray[np.float64]
     ) -> Window:
         """Clears and marks cells; returns the window of the cells that changed."""
         mine = [seen for seen in observations if seen.source in self.config.sources]
-        touched = self._reach(geometry, mine, outline)
+        touched = self.reach(geometry, mine, outline)
         if not touched:
             return EMPTY
         before = self.cells[touched.slices].copy()
@@ -255,7 +266,7 @@ class ObstacleLayer:
         kernel.changed_window(self.cells, before, touched.row_0, touched.col_0, changed)
         return Window(*changed.tolist())
 
-    def _reach(
+    def reach(
         self, geometry: Geometry, seen: list[Observation], outline: NDArray[np.float64]
     ) -> Window:
         """Returns the window that contains all cells that can change."""
@@ -268,11 +279,11 @@ class ObstacleLayer:
 
     def clear_inside(self, geometry: Geometry, pose: Pose, side: float) -> None:
         """Clears all cells inside the square of ``side`` [m] around ``pose``."""
-        self.cells[_square(geometry, pose, side)] = self._default
+        self.cells[square_around(geometry, pose, side)] = self._default
 
     def clear_outside(self, geometry: Geometry, pose: Pose, side: float) -> None:
         """Clears all cells outside the square of ``side`` [m] around ``pose``."""
-        rows, cols = _square(geometry, pose, side)
+        rows, cols = square_around(geometry, pose, side)
         kept = self.cells[rows, cols].copy()
         self.cells.fill(self._default)
         self.cells[rows, cols] = kept
@@ -283,7 +294,7 @@ class ObstacleLayer:
         merge(master, self.cells, window)
 
 
-def _square(geometry: Geometry, pose: Pose, side: float) -> tuple[slice, slice]:
+def square_around(geometry: Geometry, pose: Pose, side: float) -> tuple[slice, slice]:
     """Returns the rows and columns of the square of ``side`` [m] around ``pose``."""
     half = side / 2.0
     rows = slice(max(geometry.row_of(pose.y - half), 0), max(geometry.row_of(pose.y + half), 0))

@@ -11,7 +11,7 @@ from geometry_msgs.msg import Point32, Polygon, PolygonStamped
 from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from numpy.typing import NDArray
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import PointCloud, PointCloud2
 from std_msgs.msg import Header
 
 from nav_bundle.base.conversions import ScanMessage, message_from_pose
@@ -27,7 +27,12 @@ from nav_bundle.costmap.config import (
     SourceConfig,
     StaticConfig,
 )
-from nav_bundle.costmap.conversions import GridUpdateMessage, points_from_cloud, points_from_scan
+from nav_bundle.costmap.conversions import (
+    GridUpdateMessage,
+    points_from_cloud,
+    points_from_old_cloud,
+    points_from_scan,
+)
 from nav_bundle.costmap.cost import occupancy_by_cost
 from nav_bundle.costmap.costmap import Costmap
 from nav_bundle.costmap.geometry import EMPTY, Geometry
@@ -39,7 +44,9 @@ from nav_bundle.maps.grid import Grid
 from pioneer_node.core.frame import stripped
 from pioneer_node.nodes.standing_warning import StandingWarning
 
-Seen: TypeAlias = "ScanMessage | PointCloud2"
+Seen: TypeAlias = "ScanMessage | PointCloud | PointCloud2"
+_CLOUDS = {"PointCloud": PointCloud, "PointCloud2": PointCloud2}
+"""Classes of the messages of clouds, by ``data_type``."""
 
 _WORLD_FRAME = "map"
 _SCANS_KEPT, _CLOUDS_KEPT = 50, 12
@@ -61,7 +68,7 @@ class CostmapNode:
 
     Subscribes: the static layer's map topic (nav_msgs/OccupancyGrid) and, with ``subscribe_to_updates``, that topic's
         ``…_updates`` (map_msgs/OccupancyGridUpdate), each observation source's topic
-        (sensor_msgs/LaserScan or PointCloud2).
+        (sensor_msgs/LaserScan, PointCloud or PointCloud2).
 
     Publishes: ``~<name>/costmap`` (nav_msgs/OccupancyGrid), ``~<name>/costmap_updates``
         (map_msgs/OccupancyGridUpdate), ``~<name>/footprint`` (geometry_msgs/PolygonStamped); each only
@@ -137,8 +144,8 @@ class CostmapNode:
         for key in self._scans.keys() - wanted:
             self._scans.pop(key).close()
         for topic, data_type in wanted - self._scans.keys():
-            if data_type == "PointCloud2":
-                self._scans[topic, data_type] = Newest(topic, PointCloud2, _CLOUDS_KEPT)
+            if data_type in _CLOUDS:
+                self._scans[topic, data_type] = Newest(topic, _CLOUDS[data_type], _CLOUDS_KEPT)
             else:
                 self._scans[topic, data_type] = Newest(topic, ScanMessage, _SCANS_KEPT)
         known = {source.config: source.source for source in self._sources}
@@ -366,13 +373,21 @@ class CostmapNode:
         )
         if config.data_type == "PointCloud2":
             points = place.apply(points_from_cloud(scan))
+        elif config.data_type == "PointCloud":
+            points = place.apply(points_from_old_cloud(scan))
         else:
             points = place.apply(points_from_scan(scan, config.inf_is_valid))
         heights = points[:, 2]
         kept = (heights >= config.min_obstacle_height) & (heights <= config.max_obstacle_height)
-        sensor_x, sensor_y, _ = place.translation
+        sensor_x, sensor_y, sensor_z = place.translation
         return Observation(
-            config, sensor_x, sensor_y, np.ascontiguousarray(points[kept, :2]), place.planar().yaw
+            config,
+            sensor_x,
+            sensor_y,
+            np.ascontiguousarray(points[kept, :2]),
+            place.planar().yaw,
+            sensor_z,
+            heights[kept],
         )
 
     def _publish(self, now: float, pose: Pose) -> None:
