@@ -4,22 +4,25 @@ from pathlib import Path
 
 import pytest
 
-from pioneer_demo.processes import processes
 from pioneer_demo.processes.command import Command, restarted_together, started_again
 from pioneer_demo.processes.processes import FleetProcesses
 from pioneer_demo.scenario.option import DemoConfig, FleetConfig
 from pioneer_harness.error import ProcessDiedError
-
-DIED = "[{}-4] process has died [pid 42, exit code -9, cmd /ws/lib/{}].\n"
-AGAIN = "[{}-4] restarting process\n"
+from pioneer_launch.process_report import NodeDeath, written
 
 
-def fleet(folder: Path, config: FleetConfig, **logs: str) -> FleetProcesses:
-    """Returns a fleet without running processes, with the output of two roslaunches."""
+def died(name: str, respawns: bool = False, log: str = "") -> str:
+    """Returns a line of a report: a node was killed."""
+    return written(NodeDeath(name, 42, -9, log, respawns))
+
+
+def fleet(folder: Path, config: FleetConfig, **reports: str) -> FleetProcesses:
+    """Returns a fleet without running processes, with the reports of its roslaunches."""
     made = FleetProcesses(config)
-    for name, text in logs.items():
-        path = folder / name
+    for name, text in reports.items():
+        path = folder / f"{name}.deaths.jsonl"
         path.write_text(text)
+        (folder / f"{name}.log").touch()
         made._read[path] = 0
     return made
 
@@ -27,42 +30,48 @@ def fleet(folder: Path, config: FleetConfig, **logs: str) -> FleetProcesses:
 def test_a_node_that_is_started_again_is_one_line_in_a_fleet_and_the_end_of_a_demo(
     tmp_path: Path,
 ) -> None:
-    text = DIED.format("pioneer1/amcl", "amcl") + AGAIN.format("pioneer1/amcl")
+    text = died("pioneer1/amcl", respawns=True)
     with fleet(tmp_path, FleetConfig(), one=text) as running:
         assert running.check() == ["pioneer1/amcl has died and is started again"]
         assert running.check() == []
     with (
-        fleet(tmp_path, DemoConfig(), one=DIED.format("pioneer1/amcl", "amcl")) as running,
+        fleet(tmp_path, DemoConfig(), one=text) as running,
         pytest.raises(ProcessDiedError, match="pioneer1/amcl"),
     ):
         running.check()
 
 
 def test_a_node_that_stays_dead_ends_a_fleet_whatever_another_masters_node_of_its_name_does(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
 ) -> None:
     """Each master has a node named gateway."""
-    text = DIED.format("gateway", "gateway.py")
-    with fleet(tmp_path, FleetConfig(), one=text, two=text + AGAIN.format("gateway")) as running:
-        assert running.check() == ["gateway has died and is started again"]
-        monkeypatch.setattr(processes, "_RESTART", 0.0)
-        with pytest.raises(ProcessDiedError, match="gateway"):
-            running.check()
+    reports = {"one": died("gateway"), "two": died("gateway", respawns=True)}
+    with (
+        fleet(tmp_path, FleetConfig(), **reports) as running,
+        pytest.raises(ProcessDiedError, match="gateway"),
+    ):
+        running.check()
 
 
-def test_a_node_that_stays_dead_costs_its_robots_computer_only(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(processes, "_RESTART", 0.0)
+def test_a_node_that_stays_dead_costs_its_robots_computer_only(tmp_path: Path) -> None:
     config = FleetConfig(robots=2, log=tmp_path)
-    text = DIED.format("pioneer1/pioneer_ros", "pioneer_ros")
-    with fleet(tmp_path, config, **{"navigation-of-pioneer1.log": text}) as running:
+    text = died("pioneer1/pioneer_ros")
+    with fleet(tmp_path, config, **{"navigation-of-pioneer1": text}) as running:
         assert running.check() == []
         assert list(running.lost_computers) == ["navigation of pioneer1"]
         reason = running.lost_computers["navigation of pioneer1"]
         assert reason == "pioneer1/pioneer_ros (pid 42) has died, killed by SIGKILL"
         with pytest.raises(ProcessDiedError, match="killed by SIGKILL"):
             running.check(starting=True)
+
+
+def test_half_a_line_of_a_report_is_read_once_it_is_whole(tmp_path: Path) -> None:
+    text = died("pioneer1/amcl", respawns=True)
+    with fleet(tmp_path, FleetConfig(), one=text[:20]) as running:
+        assert running.check() == []
+        with (tmp_path / "one.deaths.jsonl").open("a") as report:
+            report.write(text[20:])
+        assert running.check() == ["pioneer1/amcl has died and is started again"]
 
 
 def test_a_robots_computer_starts_again_as_a_whole_and_the_base_station_ends_the_fleet() -> None:
@@ -92,15 +101,11 @@ def test_a_node_that_keeps_dying_is_named_once_with_its_last_lines_and_the_fleet
 ) -> None:
     node_log = tmp_path / "amcl.log"
     node_log.write_text("[rosout][FATAL]: ~odom_model_type must be diff or omni\nsignal_shutdown\n")
-    text = (
-        DIED.format("pioneer1/amcl", "amcl")
-        + f"log file: {node_log}\n"
-        + AGAIN.format("pioneer1/amcl")
-    )
+    text = died("pioneer1/amcl", respawns=True, log=str(node_log))
     with fleet(tmp_path, FleetConfig(), one=2 * text) as running:
         assert running.check() == 2 * ["pioneer1/amcl has died and is started again"]
         for count in (3, 4):
-            with (tmp_path / "one").open("a") as log:
+            with (tmp_path / "one.deaths.jsonl").open("a") as log:
                 log.write(text)
             lines = running.check()
             assert [line.partition(";")[0] for line in lines] == ["pioneer1/amcl keeps dying"][
@@ -115,7 +120,7 @@ def test_a_node_that_keeps_dying_is_named_once_with_its_last_lines_and_the_fleet
 
 
 def test_a_node_that_keeps_dying_ends_a_fleet_that_is_still_starting(tmp_path: Path) -> None:
-    text = DIED.format("pioneer1/amcl", "amcl") + AGAIN.format("pioneer1/amcl")
+    text = died("pioneer1/amcl", respawns=True)
     with (
         fleet(tmp_path, FleetConfig(), one=3 * text) as running,
         pytest.raises(ProcessDiedError, match="pioneer1/amcl keeps dying"),

@@ -1,6 +1,6 @@
 """A node that keeps dying is reported, and so is its recovery."""
 
-from pioneer_demo.processes.launch_log import Relapses
+from pioneer_demo.processes.relapse import Relapses
 
 WHO = "pioneer1/amcl"
 

@@ -5,14 +5,18 @@ from typing import Any, Protocol
 
 from pioneer_launch import launcher, patch
 from pioneer_launch.fork_server import lent_server
+from pioneer_launch.process_report import REPORT, NodeDeath, deaths_in
 from pioneer_launch.switch import LOCKSTEP_REFUSED, SwitchedOffError, is_on
 
 __all__ = [
     "LOCKSTEP_REFUSED",
+    "REPORT",
+    "NodeDeath",
     "Process",
     "StartLauncher",
     "SwitchedOffError",
     "close_master_connections",
+    "deaths_in",
     "is_on",
     "launcher_starter",
     "patch_master",

@@ -36,6 +36,7 @@ from pioneer_launch.patch import (
     tell_registrations,
     wake_master_workers,
 )
+from pioneer_launch.process_report import report_deaths
 from pioneer_launch.process_watch import watch_processes
 from pioneer_launch.program import early_differences, interpreter
 from pioneer_launch.switch import is_on
@@ -58,13 +59,16 @@ _popen: list[Callable[..., Started]] = [subprocess.Popen]
 def run(module: str, function: str = "main") -> int | None:
     """Runs a launcher's function with its Python nodes as forks; returns its exit status."""
     if not is_on():
-        return getattr(import_without_numpy(module), function)()
-    server = shared_server()
-    if isinstance(server, Program):
-        server.run()
-    if server is not None:
-        fork_nodes(server)
-    return getattr(importlib.import_module(module), function)()
+        loaded = import_without_numpy(module)
+    else:
+        server = shared_server()
+        if isinstance(server, Program):
+            server.run()
+        if server is not None:
+            fork_nodes(server)
+        loaded = importlib.import_module(module)
+    report_deaths()
+    return getattr(loaded, function)()
 
 
 def shared_server() -> ForkServer | Program | None:

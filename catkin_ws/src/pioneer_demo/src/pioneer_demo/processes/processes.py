@@ -18,15 +18,8 @@ from pioneer_demo.processes.command import (
     started_again,
 )
 from pioneer_demo.processes.kind import COMMAND, kind
-from pioneer_demo.processes.launch_log import (
-    NodeDeath,
-    Relapses,
-    ending,
-    node_deaths,
-    plain,
-    restarted_nodes,
-)
 from pioneer_demo.processes.network import Networks
+from pioneer_demo.processes.relapse import Relapses, ending
 from pioneer_demo.scenario.option import FleetConfig
 from pioneer_harness.accounting import Account, Usage
 from pioneer_harness.error import ProcessDiedError
@@ -34,14 +27,15 @@ from pioneer_harness.port import PortReservation
 from pioneer_harness.proc import arguments, descendants, has_variable
 from pioneer_harness.process import Death, ProcessGroup, last_lines
 from pioneer_harness.wait import wait_until
+from pioneer_launch import door
 
 # Python nodes work sequentially; BLAS threads would only compete with other processes.
 _SINGLE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 _LAST_GRACE = 3.0
 _KILLED = 10.0
 """Time-out for the end of killed processes [s]."""
-_RESTART = 10.0
-"""Time-out for roslaunch to respawn a node [s]: launch files set a respawn delay of 2 s."""
+_COLOUR = re.compile(r"\x1b(\[[0-9;]*m|\]2;[^\x07]*\x07)")
+"""Matches escape codes for colours and window titles."""
 _ERROR = re.compile(r"\b(FATAL|CRITICAL|ERROR|\w*Error)\b")
 """Matches log lines that report why a node ends."""
 
@@ -58,7 +52,7 @@ class FleetProcesses:
         self._account = Account(kind, short=COMMAND)
         self._read: dict[Path, int] = {}
         self._pids: dict[str, int] = {}
-        self._dead: dict[tuple[Path, str], tuple[float, str]] = {}
+        self._dead: dict[tuple[Path, str], str] = {}
         self._relapses = Relapses()
         #: commands with a node that died and did not start again, with the reason; the caller clears it
         self.lost_computers: dict[str, str] = {}
@@ -75,7 +69,9 @@ class FleetProcesses:
         for command in commands(self._config, self.ports):
             log = self._log_of(command)
             log.write_bytes(b"")
-            self._read[log] = 0
+            report = _report_of(log)
+            report.write_bytes(b"")
+            self._read[report] = 0
             self._start(command)
 
     def kill(self, names: Sequence[str]) -> None:
@@ -88,7 +84,7 @@ class FleetProcesses:
         for command in commands(self._config, self.ports):
             if command.name in names:
                 log = self._log_of(command)
-                self._dead = {key: told for key, told in self._dead.items() if key[0] != log}
+                self._dead = {key: text for key, text in self._dead.items() if key[0] != log}
                 self._start(started_again(command))
 
     def kill_computer(self, names: Sequence[str]) -> None:
@@ -131,17 +127,17 @@ class FleetProcesses:
         ros = self._log.resolve() / "ros"
         home = {"ROS_HOME": str(ros), "ROS_LOG_DIR": str(ros / "log")}
         robot = command.environment.get("ROBOT_NAME", "")
+        log = self._log_of(command)
         environment = {
             **_SINGLE,
             **os.environ,
             **home,
+            door.REPORT: str(_report_of(log).absolute()),
             **command.environment,
             **self.networks.environment(robot),
         }
         argv = self.networks.placed(robot, _found(command.argv))
-        self._pids[command.name] = self.group.start(
-            command.name, argv, environment, self._log_of(command), may_end
-        )
+        self._pids[command.name] = self.group.start(command.name, argv, environment, log, may_end)
 
     def _log_of(self, command: Command) -> Path:
         return self._log / f"{re.sub(r'[^A-Za-z0-9_]+', '-', command.name)}.log"
@@ -159,30 +155,33 @@ class FleetProcesses:
             ProcessDiedError: a process, or a node under roslaunch, has ended unexpectedly.
         """
         lines = self._relapses.recovered(time.monotonic())
-        for log in self._read:
-            news = self._news(log)
-            for death in node_deaths(news):
-                text, reason = _told(death, log)
-                self._dead[log, death.name] = time.monotonic(), text
-                if self._relapses.died((log, death.name), death.name, reason, time.monotonic()):
-                    text = f"{death.name} keeps dying; the last time: {text}"
-                    if starting:
-                        raise ProcessDiedError(text)
-                    lines.append(text)
-            for name in restarted_nodes(news):
-                if not self._relapses.fails((log, name)):
-                    lines.append(f"{name} has died and is started again")
-                self._dead.pop((log, name), None)
+        for report in self._read:
+            log = _log_of_report(report)
+            for death in door.deaths_in(self._news(report)):
+                lines += self._noted(death, log, starting)
         self._check_group()
-        patience = _RESTART if self._config.restarts_nodes else 0.0
-        for (log, _), (died, text) in list(self._dead.items()):
-            if time.monotonic() - died < patience:
-                continue
+        for (log, _), text in list(self._dead.items()):
             command = self._command_of(log)
             if starting or not restarted_together(self._config, command):
                 raise ProcessDiedError(text)
             self.lost_computers[command] = text.partition("\n")[0]
         return lines
+
+    def _noted(self, death: door.NodeDeath, log: Path, starting: bool) -> list[str]:
+        """Notes a node's death; returns the line about it, if there is one."""
+        key = (log, death.name)
+        text, reason = _told(death, log)
+        if not (death.respawns and self._config.restarts_nodes):
+            self._dead[key] = text
+            return []
+        if self._relapses.died(key, death.name, reason, time.monotonic()):
+            text = f"{death.name} keeps dying; the last time: {text}"
+            if starting:
+                raise ProcessDiedError(text)
+            return [text]
+        if self._relapses.fails(key):
+            return []
+        return [f"{death.name} has died and is started again"]
 
     def _check_group(self) -> None:
         """Raises ``ProcessDiedError`` if a command has ended; names its node that has died, if there is one."""
@@ -192,7 +191,7 @@ class FleetProcesses:
 
     def cause(self, death: Death) -> str:
         """Returns which node's death has ended a command, with its last lines; empty if none has died."""
-        told = [text for (log, _), (_, text) in self._dead.items() if log == death.log]
+        told = [text for (log, _), text in self._dead.items() if log == death.log]
         return told[-1] if told else ""
 
     def _command_of(self, log: Path) -> str:
@@ -235,13 +234,22 @@ class FleetProcesses:
     def __exit__(self, *_: object) -> None:
         self.stop(_LAST_GRACE, lambda: False)
 
-    def _news(self, log: Path) -> str:
-        """Returns the complete lines appended to ``log`` since the last call."""
-        with log.open("rb") as file:
-            file.seek(self._read[log])
+    def _news(self, report: Path) -> str:
+        """Returns the complete lines appended to ``report`` since the last call."""
+        with report.open("rb") as file:
+            file.seek(self._read[report])
             text, newline, _ = file.read().rpartition(b"\n")
-        self._read[log] += len(text) + len(newline)
-        return text.decode(errors="replace")
+        self._read[report] += len(text) + len(newline)
+        return text.decode()
+
+
+def _report_of(log: Path) -> Path:
+    """Returns the file beside a command's log to which its roslaunch reports the deaths of nodes."""
+    return log.with_suffix(".deaths.jsonl")
+
+
+def _log_of_report(report: Path) -> Path:
+    return report.with_name(report.name.removesuffix(".deaths.jsonl") + ".log")
 
 
 def _found(argv: Sequence[str]) -> Sequence[str]:
@@ -253,7 +261,7 @@ def _found(argv: Sequence[str]) -> Sequence[str]:
     return argv
 
 
-def _told(death: NodeDeath, launch_log: Path) -> tuple[str, str]:
+def _told(death: door.NodeDeath, launch_log: Path) -> tuple[str, str]:
     """Returns a node's death with the last lines of its logs, and one line: its exit code and the last error."""
     # Screen output, such as a traceback, is in roslaunch's own log; the rest is in the node's log file.
     ends = {
@@ -265,7 +273,9 @@ def _told(death: NodeDeath, launch_log: Path) -> tuple[str, str]:
     )
     reason = how.removeprefix(", ") or "no exit code"
     errors = [
-        plain(line).strip() for line in "\n".join(ends.values()).splitlines() if _ERROR.search(line)
+        _COLOUR.sub("", line).strip()
+        for line in "\n".join(ends.values()).splitlines()
+        if _ERROR.search(line)
     ]
     return (
         f"{death.name} (pid {death.pid}) has died{how}\n{text}",

@@ -27,8 +27,8 @@ from pioneer_demo.processes.command import (
     on_computer,
     restarted_together,
 )
-from pioneer_demo.processes.launch_log import Relapses
 from pioneer_demo.processes.processes import FleetProcesses
+from pioneer_demo.processes.relapse import Relapses
 from pioneer_demo.report.view import fleet_lines, fleet_status, guide
 from pioneer_demo.scenario.option import OBSERVER, FleetConfig
 from pioneer_fleet.monitor.hang_watch import HangWatch

@@ -1,62 +1,12 @@
-"""Parses roslaunch's log output about its nodes, and detects nodes that keep dying after each respawn."""
+"""Detects nodes that keep dying after each respawn."""
 
 import dataclasses
-import re
 import signal
 from collections import deque
 from collections.abc import Hashable
 
-_COLOUR = re.compile(r"\x1b(\[[0-9;]*m|\]2;[^\x07]*\x07)")
-_DIED = re.compile(
-    r"^(?:\[(?P<name>\S+?)(-\d+)?\] |=*REQUIRED process \[(?P<required>\S+?)(-\d+)?\] has died!\n)"
-    r"process has died(?: without exit code)? \[pid (?P<pid>-?\d+)"
-    r"(?:, exit code (?P<status>-?\d+))?.*$",
-    re.MULTILINE,
-)
-_RESTART = re.compile(r"^\[(?P<name>\S+?)(-\d+)?\] restarting process", re.MULTILINE)
-_LOG = re.compile(r"\A\s*log file: (?P<path>.+)$", re.MULTILINE)
 _DEATHS = 3
 _WINDOW = 60.0
-
-
-@dataclasses.dataclass(frozen=True)
-class NodeDeath:
-    """A node that died."""
-
-    name: str  #: its full name without the leading slash
-    pid: int  #: its process id
-    status: (
-        int | None
-    )  #: exit status, negative signal number if a signal ended it; None if roslaunch reports none
-    log: str  #: glob pattern of its log files; empty if roslaunch names none
-
-
-def plain(text: str) -> str:
-    """Returns roslaunch's output without escape codes for colours and window titles."""
-    return _COLOUR.sub("", text)
-
-
-def node_deaths(text: str) -> list[NodeDeath]:
-    """Returns the node deaths reported in a piece of roslaunch's output, in order."""
-    text = plain(text)
-    deaths = []
-    for match in _DIED.finditer(text):
-        log = _LOG.match(text[match.end() :])
-        status = int(match["status"]) if match["status"] else None
-        deaths.append(
-            NodeDeath(
-                match["name"] or match["required"],
-                int(match["pid"]),
-                status,
-                log["path"].strip() if log else "",
-            )
-        )
-    return deaths
-
-
-def restarted_nodes(text: str) -> list[str]:
-    """Returns the names of the nodes reported as respawned in a piece of roslaunch's output."""
-    return [match["name"] for match in _RESTART.finditer(plain(text))]
 
 
 def ending(status: int) -> str:
