@@ -32,7 +32,7 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from pioneer_ros2 import rule
-from pioneer_ros2.matching import match_by_name
+from pioneer_ros2.matching import ignore_type_descriptions, match_by_name
 from pioneer_ros2.message import Converter, MessageTypes
 from pioneer_ros2.naming import dds_topic, dds_type, ros2_type
 
@@ -347,6 +347,7 @@ class Participant:
     def _graph_writer(self, messages: MessageTypes) -> DataWriter[Any]:
         struct = self._samples.struct(_GRAPH_TYPE)
         topic = Topic(self.entity, _GRAPH, struct)
+        ignore_type_descriptions(topic)
         match_by_name(topic)
         hashed = Policy.Userdata(f"typehash={messages.type_hash(_GRAPH_TYPE)};".encode())
         qos = Qos(

@@ -143,6 +143,17 @@ def test_rclpy_receives_what_ros_1_publishes(peer: Program, topic: str, values: 
     peer.waits_for(topic, values)
 
 
+def test_late_nodes_of_ros_2_get_the_map_however_many_there_are(
+    peer: Program, start: Start
+) -> None:
+    """The third participant of Fast DDS was refused: Cyclone had taken its types as invalid."""
+    peer.waits_for("/map", [0, 100, -1])
+    for _ in range(2):
+        late = start(str(PEER), str(HERE / "peer.py"), plain=True)
+        late.waits_for("/map", [0, 100, -1])
+        late.end()
+
+
 def test_velocities_and_goals_of_rclpy_reach_ros_1_under_its_names(
     peer: Program, robot: Program
 ) -> None:
