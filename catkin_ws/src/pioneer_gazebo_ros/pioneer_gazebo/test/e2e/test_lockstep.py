@@ -1,17 +1,28 @@
 """The simulator in lockstep with nodes that only report when they act."""
 
+import contextlib
+import itertools
 import os
+import random
 import signal
 import sys
+import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from gazebo_msgs import srv
+from gazebo_msgs.msg import ModelState
+from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
+from nav_msgs.msg import Odometry
+from std_srvs.srv import Empty, Trigger
 
 from pioneer_harness.error import ProcessDiedError
 from pioneer_harness.masters import Master
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
+from tcpros.client import Client
 
 MEMBER = Path(__file__).with_name("lockstep_member.py")
 LOSSY_LINK = Path(__file__).with_name("lossy_link.py")
@@ -38,6 +49,7 @@ class Fleet:
         *remappings: str,
     ) -> None:
         self.group, self.folder, self.diary = group, folder, folder / "diary"
+        self.master = master
         self._environment = master.environment
         lockstep = {"rings": rings, "deadline": 2.0, "silence": silence}
         master.set_param(
@@ -169,3 +181,93 @@ def test_time_continues_without_a_silent_ring_which_joins_again(fleet: Fleet) ->
     assert later == [time for time in fleet.times("one") if joined + 0.01 < time <= later[-1]], (
         "both, in each period"
     )
+
+
+FLOATING = """<sdf version="1.6"><model name="floating"><link name="box"><inertial><mass>1</mass></inertial>
+<collision name="c"><geometry><box><size>0.2 0.2 0.2</size></box></geometry></collision></link>
+<plugin name="truth" filename="libgazebo_ros_p3d.so"><bodyName>box</bodyName><topicName>/truth</topicName>
+<updateRate>100</updateRate></plugin></model></sdf>"""
+
+
+@contextmanager
+def recorded_truth(client: Client) -> Iterator[list[tuple[float, float]]]:
+    """Returns a growing list of the times and x coordinates that the simulator publishes."""
+    found: list[tuple[float, float]] = []
+    connection = client.subscribe("/gazebo", "/truth")
+    connection.be_patient()
+
+    def receive() -> None:
+        with connection, contextlib.suppress(ConnectionError):
+            while True:
+                message = Odometry().deserialize(connection.read_frame())
+                found.append((message.header.stamp.to_sec(), message.pose.pose.position.x))
+
+    thread = threading.Thread(target=receive)
+    thread.start()
+    try:
+        yield found
+    finally:
+        connection.interrupt()
+        thread.join()
+
+
+@pytest.mark.parametrize("fleet", [("a b", "abort")], indirect=True)
+def test_steps_pauses_and_runs_lose_no_message_and_extrapolate_no_pose(fleet: Fleet) -> None:
+    """A box moves through space at 1 m/s: each of its poses is on a line, whatever makes time advance."""
+    for name in ("one", "two", "three"):
+        fleet.start(name)
+    wait_until(lambda: len(fleet.times("three")) > 10, "ten periods", PATIENCE)
+    client = Client(fleet.master.uri, "/test")
+    client.call("/gazebo/pause_physics", Empty)
+    physics = client.call("/gazebo/get_physics_properties", srv.GetPhysicsProperties)
+    answer = client.call(
+        "/gazebo/set_physics_properties",
+        srv.SetPhysicsProperties,
+        time_step=physics.time_step,
+        ode_config=physics.ode_config,
+    )
+    assert answer.success, answer.status_message
+    height = Pose(Point(0, 0, 5), Quaternion(0, 0, 0, 1))
+    answer = client.call(
+        "/gazebo/spawn_sdf_model",
+        srv.SpawnModel,
+        model_name="floating",
+        model_xml=FLOATING,
+        initial_pose=height,
+    )
+    assert answer.success, answer.status_message
+    state = ModelState("floating", height, Twist(Vector3(1, 0, 0), Vector3()), "world")
+    answer = client.call("/gazebo/set_model_state", srv.SetModelState, model_state=state)
+    assert answer.success, answer.status_message
+    began = fleet.times("three")[-1]
+    chance = random.Random(1)
+    with recorded_truth(client) as poses:
+        for _ in range(15):
+            for _ in range(chance.randrange(1, 9)):
+                answer = client.call("/gazebo/step", Trigger)
+                assert answer.success, answer.message
+            client.call("/gazebo/unpause_physics", Empty)
+            count = len(fleet.times("three")) + chance.randrange(1, 5)
+            wait_until(lambda n=count: len(fleet.times("three")) >= n, "periods", PATIENCE)  # type: ignore[misc]
+            client.call("/gazebo/pause_physics", Empty)
+        seen = list(poses)
+    assert len(seen) > 100
+    start, x = seen[0]
+    for number, (time, place) in enumerate(seen):
+        assert time == pytest.approx(start + 0.01 * number, abs=1e-6), "no pose is left out"
+        assert place - x == pytest.approx(time - start, abs=1e-6)
+    assert_nothing_lost(fleet, began)
+
+
+def assert_nothing_lost(fleet: Fleet, began: float) -> None:
+    """Checks that since a time each member acted in each period, on the messages of the period before."""
+    times = sorted({time for time in fleet.times("one") if time >= began})
+    assert times == pytest.approx([began + 0.05 * number for number in range(len(times))], abs=1e-6)
+    entries = [line.split() for line in fleet.lines()]
+    heard = {(time, name): set(",".join(words).split(",")) for time, name, *words in entries}
+    # The last period may not be complete.
+    for then, now in itertools.pairwise(times[:-1]):
+        before = {f"{name}@{then:.2f}" for name in ("one", "two", "three")}
+        assert heard[f"{now:.2f}", "one"] == before
+        assert heard[f"{now:.2f}", "three"] == before
+        assert heard[f"{now:.2f}", "two"] == before - {f"one@{then:.2f}"} | {f"one@{now:.2f}"}
