@@ -241,3 +241,28 @@ def test_the_threads_of_a_node_share_two_heaps() -> None:
     command = [sys.executable, "-c", THREADS_ALLOCATE]
     done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=True)
     assert 1 <= done.stdout.count("<heap nr=") <= 2, done.stdout
+
+
+READS_A_NAMESPACE = """
+import rospy
+from pioneer_node.nodes.entry import parameters_below
+
+rospy.init_node("reader", disable_signals=True)
+rospy.loginfo("rospy reads a parameter before it logs, and remembers it")
+print(sorted(parameters_below("/wheels").items()), parameters_below("/nothing"))
+print(parameters_below("/")["wheels"]["left"])
+"""
+
+
+def test_the_parameters_of_a_namespace_are_complete_after_a_node_has_logged() -> None:
+    with Master() as master:
+        master.set_param("/wheels", {"left": "l", "right": "r"})
+        done = subprocess.run(
+            [sys.executable, "-c", READS_A_NAMESPACE],
+            env=master.environment,
+            capture_output=True,
+            text=True,
+            timeout=START,
+            check=True,
+        )
+    assert done.stdout.splitlines()[-2:] == ["[('left', 'l'), ('right', 'r')] {}", "l"]

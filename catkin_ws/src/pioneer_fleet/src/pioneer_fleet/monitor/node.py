@@ -27,6 +27,7 @@ from pioneer_fleet.monitor.report import Report, Stage, states_of
 from pioneer_fleet.monitor.tour import Place, places_from_mapping, tour
 from pioneer_fleet.tolerance import tolerant
 from pioneer_launch.door import patch_observer
+from pioneer_node.nodes.entry import parameters_below
 
 MASTER_LOOK = 0.2
 """Poll interval for a master that is not up yet [s]: it does not announce its start."""
@@ -115,7 +116,7 @@ class ReportNode:
 
     def _tour(self) -> list[Place]:
         number = int(re.sub(r"\D", "", self._report.robot) or 1)
-        places = places_from_mapping(rospy.get_param("/"))
+        places = places_from_mapping(parameters_below("/"))
         return tour(places, number, self._robots, self._waypoints) if places else []
 
     def _key(self) -> tuple[Stage, int]:

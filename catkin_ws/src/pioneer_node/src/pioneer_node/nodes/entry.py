@@ -187,11 +187,20 @@ def parameters() -> dict[str, Any]:
 
     If ``strict_parameters`` is set for the node or an enclosing namespace, unknown parameters are errors.
     """
-    values = rospy.get_param("~", {})
+    values = parameters_below(rospy.get_name())
     key = rospy.search_param(_STRICT)
     UNKNOWN.strict = bool(key and rospy.get_param(key))
-    return (
-        {name: values[name] for name in values if name != _STRICT}
-        if isinstance(values, dict)
-        else {}
-    )
+    return {name: values[name] for name in values if name != _STRICT}
+
+
+def parameters_below(namespace: str) -> dict[str, Any]:
+    """Returns all parameters in a namespace, those below it as nested dictionaries; empty if there are none.
+
+    ``rospy.get_param`` answers for a namespace from its cache, which has only the names that rospy asked for itself:
+    in ``/``, as soon as the node has logged, the single name ``rosout_disable_topics_generation``.
+    """
+    try:
+        values = rosgraph.Master(rospy.get_name()).getParam(rospy.resolve_name(namespace))
+    except rosgraph.MasterError:
+        return {}
+    return values if isinstance(values, dict) else {}

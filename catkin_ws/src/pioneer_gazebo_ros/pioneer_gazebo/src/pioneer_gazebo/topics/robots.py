@@ -23,6 +23,7 @@ from pioneer_gazebo.world.model import Model
 from pioneer_gazebo.world.pose import Pose
 from pioneer_gazebo.world.robot import Robot, RosControl
 from pioneer_gazebo.world.ros_control import controlled
+from pioneer_node.nodes.entry import parameters_below
 
 TOPICS: dict[type, Callable[[Port, Any], object]] = {
     kinds.DiffDrive: drive_topics,
@@ -52,7 +53,7 @@ def with_controllers(owner: Owner, namespace: str = "") -> Owner:
     if not any(isinstance(device, RosControl) for device in owner.devices):
         return owner
     base = f"/{namespace or owner.namespace}"
-    devices, notes = controlled(owner, rospy.get_param(base, {}))
+    devices, notes = controlled(owner, parameters_below(base))
     for line in notes:
         rospy.logwarn("%s, parameters of %s: %s", owner.name, base, line)
     return replace(owner, devices=devices)
