@@ -24,7 +24,7 @@ from dynamic_reconfigure.srv import Reconfigure
 FOREIGN = ("robot_state_publisher", "roslaunch")
 """Words in the names of nodes that are not part of this project."""
 OBSERVERS = ("fleet_observer", "fleet_page", "rosout")
-"""Nodes that only watch: robots do not drive otherwise, whatever these are told."""
+"""Nodes that only watch: robots do not drive otherwise, whatever messages these receive."""
 OBEYED = ("/clock", "/status", "/map_goal_client/cancel", "/safety_stop")
 """Suffixes of topics that are not fuzzed: ROS 1 does not authenticate senders, so nodes must obey fake messages."""
 OBEYED_BY_ALL = ("/clock",)

@@ -54,5 +54,7 @@ class LoopFaults:
         # A line that cannot be written, as on a full disk, must not end the loop either.
         with contextlib.suppress(Exception):
             self._logger.critical(
-                "internal error in %s, which goes on; it is logged once", self._what, exc_info=error
+                "internal error in %s, which continues; it is logged once",
+                self._what,
+                exc_info=error,
             )

@@ -245,7 +245,7 @@ def test_the_search_for_hubs_survives_exceptions(monkeypatch: pytest.MonkeyPatch
         )
         assert injector.has_failed.wait(PATIENCE)
         before = injector.calls
-        wait_until(lambda i=injector, n=before: i.calls > n, "the search goes on", PATIENCE)  # type: ignore[misc]
+        wait_until(lambda i=injector, n=before: i.calls > n, "the search continues", PATIENCE)  # type: ignore[misc]
         hubs.shutdown()
         assert hubs._searcher is not None
         assert not hubs._searcher.is_alive()

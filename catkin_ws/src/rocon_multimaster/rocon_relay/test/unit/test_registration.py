@@ -71,7 +71,7 @@ class FakeNodes:
 
 
 class FakeOwner:
-    """An import that records what it is told."""
+    """An import that records what it receives."""
 
     wanted = Import("/words", ANY, ANY, "source", "/talker", Address("127.0.0.1", 1))
 
