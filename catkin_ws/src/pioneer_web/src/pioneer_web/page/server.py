@@ -20,6 +20,7 @@ from starlette.responses import Response
 from pioneer_web.access.access_control import Access, Role
 from pioneer_web.access.admission import Admission, admitted_protocol
 from pioneer_web.access.guard import Guard
+from pioneer_web.access.handshake import secured_protocol
 from pioneer_web.command.command import CommandError, command_from_text
 from pioneer_web.command.commander import Commander
 from pioneer_web.foxglove.server import EXPIRED, Foxglove
@@ -109,9 +110,8 @@ class Server:
         self._uvicorn = _Uvicorn(
             uvicorn.Config(
                 guard, host, port, log_level="warning", access_log=False, ws_per_message_deflate=False,
-                ws_max_size=1 << 20, server_header=False, proxy_headers=False, http=admitted_protocol(Admission()),
-                ssl_certfile=certificate, ssl_keyfile=key, timeout_graceful_shutdown=1,
-                ssl_version=ssl.PROTOCOL_TLS_SERVER, ssl_context_factory=_without_tickets if certificate else None,
+                ws_max_size=1 << 20, server_header=False, proxy_headers=False, http=_protocol(certificate, key),
+                timeout_graceful_shutdown=1, loop="asyncio" if certificate else "auto",
             )
         )  # fmt: skip
 
@@ -244,15 +244,20 @@ def _warn_of_value(name: str, reason: str) -> None:
     rospy.logwarn("%s is not shown: %s", name, reason)
 
 
-def _without_tickets(_: uvicorn.Config, default: Callable[[], ssl.SSLContext]) -> ssl.SSLContext:
-    """Returns uvicorn's TLS context without session tickets.
+def _protocol(certificate: Path | None, key: Path | None) -> Any:
+    """Returns uvicorn's HTTP protocol with limits for unfinished requests and handshakes; above TLS if there are files.
 
-    A ticket makes a connection readable although no data follows. Clients that then read from a blocking socket, such
-    as the synchronous client of websockets, hang if they write at the same time.
+    Without session tickets. A ticket makes a connection readable although no data follows. Clients that then read from
+    a blocking socket, such as the synchronous client of websockets, hang if they write at the same time.
     """
-    context = default()
+    admission = Admission()
+    protocol = admitted_protocol(admission)
+    if certificate is None:
+        return protocol
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(certificate, key)
     context.num_tickets = 0  # type: ignore[attr-defined]
-    return context
+    return secured_protocol(protocol, context, admission)
 
 
 class _Uvicorn(uvicorn.Server):
