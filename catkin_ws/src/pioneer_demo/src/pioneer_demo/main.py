@@ -1,6 +1,7 @@
 """Entry point of the commands ``fleet``, ``demo`` and ``run-scenario``."""
 
 import dataclasses
+import errno
 import itertools
 import os
 import secrets
@@ -19,6 +20,7 @@ from pioneer_demo.error import DemoError, FolderInUseError, OptionError
 from pioneer_demo.processes.command import written_files
 from pioneer_demo.processes.network import enter
 from pioneer_demo.processes.processes import FleetProcesses
+from pioneer_demo.run.limits import check_limits
 from pioneer_demo.scenario.option import CONFIGS, DemoConfig, FleetConfig, Machine
 from pioneer_demo.scenario.scenario_file import read_scenario
 from pioneer_demo.scenario.world_folder import place_count, places_by_world
@@ -35,6 +37,8 @@ _FOREIGN = (
 )  # fmt: skip
 """Environment variables to unset, because they refer to another fleet or machine."""
 
+_LIMITS = {errno.EMFILE: " (see ulimit -n)", errno.ENOMEM: " (see ulimit -v)"}
+
 
 def main(words: Sequence[str], interrupt: Interrupt) -> int:
     """Runs a command, ``fleet``, ``demo`` or ``run-scenario``, with its options.
@@ -48,6 +52,7 @@ def main(words: Sequence[str], interrupt: Interrupt) -> int:
         os.environ.pop(name, None)
     try:
         config = _configured(command, arguments)
+        check_limits()
         if config.linked:
             enter(words)
         _check_files(config)
@@ -69,6 +74,8 @@ def main(words: Sequence[str], interrupt: Interrupt) -> int:
             if isinstance(error, OSError) and error.filename
             else str(error)
         )
+        if isinstance(error, OSError):
+            text += _LIMITS.get(error.errno or 0, "")
         print(f"pioneer {command}: {text}", file=sys.stderr)
         return _BAD_ARGUMENTS if isinstance(error, OptionError) else _FAILED
 
