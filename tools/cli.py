@@ -3,13 +3,16 @@
 import difflib
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from containers import SOURCE
 
-COMMANDS = (
-    "demo", "fleet", "run-scenario", "experiment", "replay", "status", "rviz", "teleop", "up", "down", "logs", "exec",
-    "image", "run", "shell", "setup", "test", "bench", "package", "docs",
-)  # fmt: skip
+_REGISTRY = Path(__file__).parent / "commands.tsv"
+COMMANDS = tuple(
+    line.partition("\t")[0]
+    for line in _REGISTRY.read_text().splitlines()
+    if not line.startswith("#")
+)
 
 
 def main(words: Sequence[str]) -> int:

@@ -1,5 +1,6 @@
 """The command line before any work is done: help, unknown commands, completion."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -168,3 +169,24 @@ def test_python_alone_answers_help() -> None:
     )
     assert done.returncode == 0, done.stderr
     assert "--waypoints" in done.stdout
+
+
+def handled(script: str) -> set[str]:
+    """Returns the words that the script's first ``case`` about the command distinguishes."""
+    text = (ROOT / script).read_text()
+    cases = text[text.index("case $command in") :].partition("\nesac")[0]
+    patterns = re.findall(r"^  ([a-z][a-z |-]*)\)", cases, re.MULTILINE)
+    return {word for pattern in patterns for word in pattern.split(" | ")} - {"help"}
+
+
+def test_the_registry_names_the_commands_that_the_scripts_handle() -> None:
+    lines = (ROOT / "tools" / "commands.tsv").read_text().splitlines()
+    rows = [line.split("\t") for line in lines if not line.startswith("#")]
+    assert all(len(row) == 3 and row[1] in ("package", "checkout") for row in rows)
+    assert {name for name, *_ in rows} == handled("pioneer")
+    assert {name for name, place, _ in rows if place == "package"} == handled("packaging/pioneer")
+
+
+def test_help_texts_are_of_registered_commands() -> None:
+    help_texts = {path.stem for path in (ROOT / "tools" / "help").glob("*.txt")}
+    assert help_texts <= set(COMMANDS)
