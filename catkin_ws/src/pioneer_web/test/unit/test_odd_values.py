@@ -56,3 +56,15 @@ def test_a_robot_description_that_is_a_circle_or_no_xml_ends() -> None:
     assert mount_of(CIRCLE, "laser").x == 0.0
     with pytest.raises(MessageError, match="not XML"):
         mount_of("<robot", "laser")
+
+
+def test_what_does_not_cross_to_ros_2_is_listed_with_the_rules() -> None:
+    station = Station()
+    station.set_door([("/a to ROS 2", "it does not cross: no definition"), ("door", "it starts")])
+    rows = [(row["gateway"], row["state"], row["reason"]) for row in station.values(1.0)["rules"]]
+    assert rows == [
+        ("ROS 2", "it does not cross", "no definition"),
+        ("ROS 2", "it starts", ""),
+    ]
+    station.set_door([])
+    assert station.values(1.0)["rules"] == []

@@ -51,8 +51,9 @@ class Feed:
     """Keeps a `Station` up to date between `open` and `close`.
 
     Subscribes while open: /clock, /map, /tf, /diagnostics, /rosout_agg, /gateway/gateway_info, /gateway/rules,
-    /gazebo/model_states, /gazebo/real_time_factor, /replay/position; for each robot its scan, odom, battery_state,
-    amcl_pose, computer, rosout_agg, map_goal_client/queue, and move_base's plans and local costmap.
+    /ros2_door/topics, /gazebo/model_states, /gazebo/real_time_factor, /replay/position; for each robot its
+    scan, odom, battery_state, amcl_pose, computer, rosout_agg, map_goal_client/queue, and move_base's plans and local
+    costmap.
 
     Threads: rospy's, one per connection. Each handles only the newest message, then waits for the next beat while the
     kernel buffers: odometry at 100 Hz costs as much as at 5 Hz.
@@ -92,6 +93,7 @@ class Feed:
         self._listen("/clock", Clock, self._on_clock)
         self._listen_to(self.station.robots)
         listen("/gateway/rules", DiagnosticArray, self._on_rules)
+        listen("/ros2_door/topics", DiagnosticArray, self._on_door)
         listen("/gateway/gateway_info", GatewayInfo, self._on_info)
         listen("/diagnostics", DiagnosticArray, self._on_diagnostics, queue_size=20)
         listen("/rosout_agg", Log, functools.partial(self._on_log, ""), queue_size=100)
@@ -217,6 +219,13 @@ class Feed:
     def _on_rules(self, message: Any) -> None:
         self.station.set_rules(
             {one.key: one.value for one in status.values} for status in message.status
+        )
+
+    def _on_door(self, message: Any) -> None:
+        self.station.set_door(
+            (status.name.removeprefix("ros2_door: "), status.message)
+            for status in message.status
+            if status.level != DiagnosticStatus.OK
         )
 
     def _on_diagnostics(self, message: Any) -> None:

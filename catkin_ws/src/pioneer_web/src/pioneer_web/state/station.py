@@ -47,6 +47,7 @@ class Station:
         #: position in and length of the replayed recording [s], None without one
         self.replay: list[float] | None = None
         self.rules: list[dict[str, str]] = []
+        self.door: list[dict[str, str]] = []  #: what does not cross to ROS 2, in the form of rules
         self.links: dict[str, dict[str, dict[str, float]]] = {}
         self._time, self._ticked = 0.0, -math.inf
         self._map: dict[str, Any] | None = None
@@ -70,6 +71,21 @@ class Station:
         self.rules = [
             {key: rule.get(key, "") for key in RULE} for rule in rules if rule.get("action")
         ]
+
+    def set_door(self, faults: Iterable[tuple[str, str]]) -> None:
+        """Records what does not cross the door to ROS 2: names and texts, a state and its reason after a colon."""
+        self.door = []
+        for name, text in faults:
+            state, _, reason = text.partition(": ")
+            row = dict.fromkeys(RULE, "")
+            row |= {
+                "action": "door",
+                "gateway": "ROS 2",
+                "name": name,
+                "state": state,
+                "reason": reason,
+            }
+            self.door.append(row)
 
     def add_links(self, entries: Iterable[tuple[str, Mapping[str, str]]]) -> None:
         """Records the traffic on links from the gateway's diagnostics: name and values of each entry."""
@@ -137,7 +153,10 @@ class Station:
             "gateway": self.gateway,
             "actors": self._actors,
             "network": self._network(),
-            "rules": [rule for rule in self.rules if rule["state"] not in CARRYING],
+            "rules": [
+                *(rule for rule in self.rules if rule["state"] not in CARRYING),
+                *self.door,
+            ],
             **self._log,
         }
         for robot in self.robots:

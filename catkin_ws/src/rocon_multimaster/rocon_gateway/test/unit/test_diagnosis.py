@@ -8,6 +8,17 @@ from rocon_gateway.doctor.diagnosis import Finding, Level
 from rocon_gateway.doctor.examination import Contact, Examination
 
 
+def test_a_door_to_ros_2_is_named_with_what_does_not_cross() -> None:
+    states = [
+        ("door", "ROS 2 domain 0 is open", True),
+        ("/a to ROS 2", "it does not cross: x", False),
+    ]
+    whole, fault = diagnosis.of_door("/ros2_door", states)
+    assert (whole.level, fault.level) == (Level.OK, Level.WARNING)
+    assert "1 of 2 states" in whole.what
+    assert fault.what == "/a to ROS 2: it does not cross: x"
+
+
 @pytest.mark.parametrize(
     ("finding", "level", "fix"),
     [

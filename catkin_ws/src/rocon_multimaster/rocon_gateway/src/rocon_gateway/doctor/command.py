@@ -21,12 +21,14 @@ from rocon_hub_protocol.address import address_from_uri
 from rocon_hub_protocol.code import HubProtocolError
 from rocon_hub_protocol.password import password_from
 from rocon_hub_protocol.redis_client import Access
-from tcpros.error import CertificateError
+from tcpros.client import Client
+from tcpros.error import CertificateError, TcprosError
 from tcpros.tls import certificates_from
 
 HUB_FIX = (
     "start it (rosrun pioneer_networking run-pioneer-hub); let its port through the firewall there"
 )
+DOOR_TOPIC = "/ros2_door/topics"
 NO_HUB_FIX = (
     "start one (run-pioneer-hub); on another machine it needs a password or hub_insecure:=true to be seen; "
     "where the network carries no mDNS, give gateway_hub_uri:=http://HOST:6380"
@@ -72,6 +74,8 @@ def _examine(hub: str) -> Iterator[Finding | str]:
     yield from _hub(hub, info)
     if client is not None:
         yield from _rules(client)
+    if not contact.error:
+        yield from _doors()
 
 
 def _hub(named: str, info: GatewayInfo | None) -> Iterator[Finding | str]:
@@ -159,3 +163,25 @@ def _rules(client: GatewayClient) -> Iterator[Finding]:
             yield Finding(
                 Level.WARNING, f"{state.name}: {before}not covered by a rule", cure.strip(" '")
             )
+
+
+def _doors() -> Iterator[Finding]:
+    """Yields what each door to ROS 2 on this master reports."""
+    client = Client(rosgraph.get_master_uri(), "/doctor")
+    try:
+        publishers, _, _ = client.ask_master("getSystemState")
+    except (OSError, TcprosError) as error:
+        yield Finding(Level.FAULT, f"the ROS master does not answer: {error}", "start it again")
+        return
+    doors = [(topic, node) for topic, nodes in publishers for node in nodes]
+    for topic, node in doors:
+        if not topic.endswith(DOOR_TOPIC):
+            continue
+        try:
+            states = client.latched(node, topic, DiagnosticArray).status
+        except (OSError, TcprosError) as error:
+            what = f"the door to ROS 2, {node}, does not answer: {error}"
+            yield Finding(Level.FAULT, what, "look into its log, or start it again")
+            continue
+        rows = [(one.name, one.message, one.level == DiagnosticStatus.OK) for one in states]
+        yield from diagnosis.of_door(node, rows)

@@ -29,6 +29,22 @@ class Finding:
     fix: str = ""  #: what to do; empty if the check passed
 
 
+def of_door(node: str, states: Sequence[tuple[str, str, bool]]) -> list[Finding]:
+    """Reports a door to ROS 2.
+
+    Args:
+        node: its node.
+        states: name, text and whether it is in order, of the door itself and of each topic.
+    """
+    faults = [(name, text) for name, text, is_ok in states if not is_ok]
+    what = f"the door to ROS 2, {node}: {len(states) - len(faults)} of {len(states)} states are in order"
+    found = [Finding(Level.OK, what)]
+    for name, text in faults:
+        cure = "pioneer_ros2's README lists the states"
+        found.append(Finding(Level.WARNING, f"{name}: {text}", cure))
+    return found
+
+
 def of_contact(contact: Contact, fix: str, there: str = "here") -> Finding:
     """Checks that a host name resolves and its port answers.
 
