@@ -75,7 +75,7 @@ class BadInputTest(unittest.TestCase):
                 "<robot name='r'><link name='a'/><link name='a'/></robot>",
                 "named 'a' already exists",
             ),
-            (self.description.replace("<updateRate>", "<updateRate>x"), "updateRate"),
+            (self.description.replace('type="continuous"', 'type="bent"'), "joint type 'bent'"),
         ]:
             self.refused(self.urdf("r", text, "r", pose(2.0, -3.0), ""), word)
 

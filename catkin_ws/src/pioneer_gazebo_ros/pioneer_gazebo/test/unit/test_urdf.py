@@ -1,4 +1,5 @@
 import math
+import re
 
 import pytest
 from hypothesis import given
@@ -121,12 +122,56 @@ def test_unknown_plugins_and_elements_are_named_once():
         (LASER.format(samples=1.5, pose=""), "whole number"),
         (
             LASER.format(samples=5, pose="").replace("body", "bod"),
-            "unknown link 'bod'; did you mean 'body'?",
+            r"unknown link 'bod'; did you mean 'body'\?",
         ),
         (
             '<gazebo><plugin name="p" filename="libgazebo_ros_p3d.so"/></gazebo>',
             "<bodyName> is missing",
         ),
+        (
+            '<gazebo><plugin name="p" filename="libgazebo_ros_p3d.so"><bodyName>tail</bodyName></plugin></gazebo>',
+            "unknown link 'tail'",
+        ),
+        ('<gazebo reference="tail"><mu1>1</mu1></gazebo>', "unknown link 'tail'"),
+        ('<gazebo reference="body"><mu1>much</mu1></gazebo>', "'much' is not a number"),
+        ("<gazebo><static>maybe</static></gazebo>", "maybe"),
+    ],
+)
+def test_what_makes_no_sense_beside_links_and_joints_is_left_out_with_file_and_element(
+    extra, message
+):
+    """Gazebo goes on without it, too: the robot stands and has everything else."""
+    other = '<gazebo><plugin name="p" filename="libgazebo_ros_planar_move.so"/></gazebo>'
+    robot = cart(extra + other)
+    [warning] = robot.warnings
+    assert warning.startswith("cart.urdf, line ")
+    assert re.search(f"{message}.*; it is left out$", warning)
+    assert [device.name for device in robot.devices] == ["p"]
+
+
+def test_joints_that_a_robot_does_not_have_are_left_out_of_its_joint_states():
+    states = """<gazebo><plugin name="p" filename="libgazebo_ros_joint_state_publisher.so">
+      <jointName>{}</jointName></plugin></gazebo>"""
+    robot = cart(states.format("l, elbow, r"))
+    [device] = robot.devices
+    assert device.jointName == ("l", "r")
+    [warning] = robot.warnings
+    assert "unknown joint 'elbow'" in warning
+    assert cart(states.format("elbow shoulder")).devices == ()
+
+
+def test_the_axis_of_a_joint_that_does_not_turn_may_be_anything():
+    robot = cart("""<link name="a"/><link name="b"/>
+      <joint name="ja" type="fixed"><parent link="base"/><child link="a"/><axis xyz="0 0 0"/></joint>
+      <joint name="jb" type="continuous"><parent link="base"/><child link="b"/><axis xyz="0 0 0"/></joint>""")
+    [warning] = robot.warnings
+    assert "must not be 0 0 0; the x axis is taken" in warning
+    assert 'name="jb"' in warning
+
+
+@pytest.mark.parametrize(
+    ("extra", "message"),
+    [
         ('<link name="loose"/>', "must have exactly one root link, found 2: base, loose"),
         (
             '<joint name="j" type="bent"><parent link="base"/><child link="left"/></joint>',

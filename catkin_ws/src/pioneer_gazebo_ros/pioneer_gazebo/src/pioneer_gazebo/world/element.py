@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Self
 
 from lxml import etree
@@ -26,6 +27,14 @@ class Notes:
     def lines(self) -> tuple[str, ...]:
         """Returns all lines."""
         return tuple(self._lines)
+
+    @contextmanager
+    def leaving_out(self) -> Iterator[None]:
+        """Turns a DescriptionError raised in the block into a note that what it is about is left out."""
+        try:
+            yield
+        except DescriptionError as error:
+            self.add(f"{error}; it is left out")
 
 
 def _repaired(data: bytes) -> bytes:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
 
+from pioneer_gazebo.error import DescriptionError
 from pioneer_gazebo.world.element import Element, Notes
 from pioneer_gazebo.world.robot import (
     BaseDriver,
@@ -129,9 +130,32 @@ def _plain(
     if "bodyName" in kind.__dataclass_fields__:
         names.check(element, "link", element.needed("bodyName").text)
     device = filled(kind, element, notes, known)
-    for joint in getattr(device, "jointName", ()):
-        names.check(element, "joint", joint)
+    if isinstance(device, JointStatePublisher):
+        return _with_known_joints(device, element, names, notes)
     return device
+
+
+def _with_known_joints(
+    device: JointStatePublisher, element: Element, names: Names, notes: Notes
+) -> JointStatePublisher:
+    """Returns the publisher of those joints that the robot has.
+
+    Raises:
+        DescriptionError: it has none of them.
+    """
+    known = []
+    for joint in device.jointName:
+        try:
+            names.check(element, "joint", joint)
+        except DescriptionError as error:
+            if device.jointName == (joint,):
+                raise
+            notes.add(f"{error}; it is left out")
+        else:
+            known.append(joint)
+    if device.jointName and not known:
+        raise element.error("the robot has none of the joints in jointName")
+    return dataclasses.replace(device, jointName=tuple(known))
 
 
 def _drive(element: Element, names: Names, notes: Notes) -> DiffDrive:

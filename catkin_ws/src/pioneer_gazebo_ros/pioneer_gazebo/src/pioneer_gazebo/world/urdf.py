@@ -4,6 +4,7 @@ import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from pioneer_gazebo.error import DescriptionError
 from pioneer_gazebo.world import joint as kinds
 from pioneer_gazebo.world.element import Element, Notes
 from pioneer_gazebo.world.joint import Joint
@@ -20,7 +21,7 @@ from pioneer_gazebo.world.model import (
     Visual,
 )
 from pioneer_gazebo.world.plugin import Names, read_plugin
-from pioneer_gazebo.world.pose import IDENTITY, Pose
+from pioneer_gazebo.world.pose import IDENTITY, Pose, Vector
 from pioneer_gazebo.world.resource import file_of_uri
 from pioneer_gazebo.world.robot import Device, Robot
 from pioneer_gazebo.world.sdf_link import GREY, RADIUS_OF_GYRATION, colour_of_material
@@ -28,6 +29,8 @@ from pioneer_gazebo.world.sensor import read_sensor
 
 KINDS = (kinds.FIXED, kinds.CONTINUOUS, kinds.REVOLUTE, kinds.PRISMATIC, kinds.FLOATING)
 ROBOT_QUIET = {"material", "link", "joint", "gazebo", "transmission"}
+_X: Vector = (1.0, 0.0, 0.0)
+"""The axis of a joint that has no valid one."""
 XACRO = "{http://www.ros.org/wiki/xacro}"
 SURFACE_QUIET = {
     "mu2",
@@ -70,8 +73,9 @@ def robot_from_urdf(text: str | bytes, source: str = "robot_description") -> Rob
         source: its name in error messages.
 
     Raises:
-        DescriptionError: the XML is malformed, a value is invalid, a joint or plugin refers to an unknown name, or the
-            links do not form a single tree.
+        DescriptionError: the XML is malformed, a value of a link or joint is invalid, a joint refers to an unknown
+            link, or the links do not form a single tree. Of plugins, sensors and shapes those that are invalid are left
+            out, with a note.
     """
     notes = Notes()
     root = Element.from_text(text, source, notes)
@@ -82,7 +86,10 @@ def robot_from_urdf(text: str | bytes, source: str = "robot_description") -> Rob
             raise child.error("is xacro: expand it first (xacro FILE)")
         if child.tag not in ROBOT_QUIET:
             notes.add(f"<{child.tag}> in <robot> is not supported and left out")
-    materials = {m.attribute("name"): _rgba(m) for m in root.children("material")}
+    materials: dict[str, Colour] = {}
+    for material in root.children("material"):
+        with notes.leaving_out():
+            materials[material.attribute("name")] = _rgba(material)
     extensions = read_extensions(root, notes)
     links = {
         link.name: link
@@ -90,7 +97,7 @@ def robot_from_urdf(text: str | bytes, source: str = "robot_description") -> Rob
     }
     for kind in ("link", "joint"):
         _names_used_once(root, kind)
-    joints = tuple(_joint(element, links) for element in root.children("joint"))
+    joints = tuple(_joint(element, links, notes) for element in root.children("joint"))
     poses = _poses_in_root(root, links, joints)
     return Robot(
         root.attribute("name", "robot"),
@@ -135,20 +142,21 @@ def _link(
     surface = extensions.surfaces.get(name, Surface())
     collisions = []
     for index, child in enumerate(element.children("collision")):
-        shape = _shape(child, notes)
-        if shape is not None:
-            label = child.attribute("name", f"{name}_collision" + (f"_{index}" if index else ""))
-            collisions.append(Collision(label, _origin(child), shape, surface.friction))
+        with notes.leaving_out():
+            shape = _shape(child, notes)
+            if shape is not None:
+                label = child.attribute(
+                    "name", f"{name}_collision" + (f"_{index}" if index else "")
+                )
+                collisions.append(Collision(label, _origin(child), shape, surface.friction))
     visuals = []
     for index, child in enumerate(element.children("visual")):
-        shape = _shape(child, notes)
-        if shape is not None:
-            colour = surface.colour or _colour(child, materials)
-            visuals.append(
-                Visual(
-                    child.attribute("name", f"{name}_visual_{index}"), _origin(child), shape, colour
-                )
-            )
+        with notes.leaving_out():
+            shape = _shape(child, notes)
+            if shape is not None:
+                colour = surface.colour or _colour(child, materials)
+                label = child.attribute("name", f"{name}_visual_{index}")
+                visuals.append(Visual(label, _origin(child), shape, colour))
     return Link(name, IDENTITY, mass, inertia, tuple(collisions), tuple(visuals))
 
 
@@ -226,7 +234,19 @@ def _colour(visual: Element, materials: dict[str, Colour]) -> Colour:
     return named if named is not None and material.child("color") is None else _rgba(material)
 
 
-def _joint(element: Element, links: dict[str, Link]) -> Joint:
+def _axis(element: Element, kind: str, notes: Notes) -> Vector:
+    """Returns a joint's axis; x, with a note, for an invalid one. A joint that does not turn or slide has none."""
+    axis = element.child("axis")
+    if axis is None or kind in (kinds.FIXED, kinds.FLOATING):
+        return _X
+    try:
+        return axis.direction(axis.attribute("xyz"), "xyz")
+    except DescriptionError as error:
+        notes.add(f"{error}; the x axis is taken")
+        return _X
+
+
+def _joint(element: Element, links: dict[str, Link], notes: Notes) -> Joint:
     kind = element.attribute("type")
     if kind not in KINDS:
         raise element.error(f"joint type {kind!r} is not one of {', '.join(KINDS)}")
@@ -235,7 +255,7 @@ def _joint(element: Element, links: dict[str, Link]) -> Joint:
         if end not in links:
             raise element.error(f"there is no link {end!r}")
     limit = element.child("limit")
-    dynamics, axis = element.child("dynamics"), element.child("axis")
+    dynamics = element.child("dynamics")
     infinity = float("inf")
     bounded = kind in (kinds.REVOLUTE, kinds.PRISMATIC)
     return Joint(
@@ -244,7 +264,7 @@ def _joint(element: Element, links: dict[str, Link]) -> Joint:
         parent,
         child,
         _origin(element),
-        (1.0, 0.0, 0.0) if axis is None else axis.direction(axis.attribute("xyz"), "xyz"),
+        _axis(element, kind, notes),
         lower=_value(limit, "lower", 0.0) if limit is not None and bounded else -infinity,
         upper=_value(limit, "upper", 0.0) if limit is not None and bounded else infinity,
         effort=_value(limit, "effort", infinity) if limit is not None else infinity,
@@ -285,10 +305,9 @@ def _poses_in_root(
 
 
 def read_extensions(root: Element, notes: Notes) -> Extensions:
-    """Returns the content of a ``<robot>``'s ``<gazebo>`` elements; adds unsupported elements to ``notes``.
+    """Returns the content of a ``<robot>``'s ``<gazebo>`` elements.
 
-    Raises:
-        DescriptionError: a value is invalid, or the robot has no link or joint of a given name.
+    As in Gazebo, an element that is invalid, or that refers to an absent link or joint, is left out. A note says so.
     """
     extensions = Extensions()
     names = Names(
@@ -300,9 +319,10 @@ def read_extensions(root: Element, notes: Notes) -> Extensions:
     for element in root.children("gazebo"):
         reference = element.attribute("reference", "")
         if reference:
-            if reference not in names.joints:
-                names.check(element, "link", reference)
-            _read_reference(element, reference, extensions, names, notes)
+            with notes.leaving_out():
+                if reference not in names.joints:
+                    names.check(element, "link", reference)
+                _read_reference(element, reference, extensions, names, notes)
         else:
             _read_model(element, extensions, names, notes)
     return extensions
@@ -314,10 +334,12 @@ def _read_reference(
     surface = extensions.surfaces.get(link, Surface())
     for child in element.children():
         if child.tag == "sensor":
-            names.check(child, "link", link)
-            extensions.devices += read_sensor(child, link, notes)
+            with notes.leaving_out():
+                names.check(child, "link", link)
+                extensions.devices += read_sensor(child, link, notes)
         elif child.tag in ("mu1", "mu"):
-            surface = dataclasses.replace(surface, friction=child.numbers(1, _said(child))[0])
+            with notes.leaving_out():
+                surface = dataclasses.replace(surface, friction=child.numbers(1, _said(child))[0])
         elif child.tag == "material":
             surface = dataclasses.replace(surface, colour=colour_of_material(_said(child)))
         elif child.tag not in SURFACE_QUIET:
@@ -333,9 +355,11 @@ def _said(element: Element) -> str:
 def _read_model(element: Element, extensions: Extensions, names: Names, notes: Notes) -> None:
     for child in element.children():
         if child.tag == "static":
-            extensions.static = child.truth(_said(child))
+            with notes.leaving_out():
+                extensions.static = child.truth(_said(child))
         elif child.tag == "plugin":
-            extensions.devices += read_plugin(child, names, notes)
+            with notes.leaving_out():
+                extensions.devices += read_plugin(child, names, notes)
             extensions.namespace = extensions.namespace or child.word("robotNamespace", "").strip(
                 "/"
             )
