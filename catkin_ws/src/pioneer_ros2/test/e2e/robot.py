@@ -6,6 +6,7 @@ import sys
 
 import rospy
 from actionlib_msgs.msg import GoalID
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, TransformStamped, Twist
 from nav_msgs.msg import OccupancyGrid, Odometry
 from rosgraph_msgs.msg import Clock
@@ -29,6 +30,13 @@ def transform(parent: str, child: str, x: float) -> TransformStamped:
     stamped.transform.translation.x = x
     stamped.transform.rotation.w = 1.0
     return stamped
+
+
+def on_door(message: DiagnosticArray) -> None:
+    """Prints what is not in order, and what once was not."""
+    for status in message.status:
+        if status.level != DiagnosticStatus.OK:
+            received(status.name, [status.message])
 
 
 class Robot:
@@ -63,6 +71,7 @@ class Robot:
 def main() -> None:
     rospy.init_node("robot")
     robots = [Robot(number, name) for number, name in enumerate(ROBOTS, 1)]
+    rospy.Subscriber("/ros2_door/topics", DiagnosticArray, on_door)
     clock = rospy.Publisher("/clock", Clock, queue_size=1)
     moving = rospy.Publisher("/tf", TFMessage, queue_size=1)
     static = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)

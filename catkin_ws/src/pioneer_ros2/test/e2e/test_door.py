@@ -220,6 +220,71 @@ def test_an_emergency_stop_of_ros_2_holds_a_robot_until_it_is_released(
     robot.waits_for("/pioneer1/pioneer/cmd_vel", [0.25, -0.5])
 
 
+def faults(robot: Program) -> list[str]:
+    """Returns the texts of all states that were not in order so far."""
+    return [str(values[0]) for name, values in robot.newest.items() if name.startswith("ros2_door")]
+
+
+def test_other_types_in_ros_2_are_named_and_the_right_ones_go_on(
+    robot: Program, start: Start
+) -> None:
+    right = start(str(PEER), str(HERE / "peer.py"), plain=True)
+    odd = start(str(PEER), str(HERE / "odd_peer.py"), "types", plain=True)
+    written = "ROS 2 sends std_msgs/String, which does not become geometry_msgs/Twist"
+    read = "ROS 2 reads it as std_msgs/String, but it is nav_msgs/Odometry"
+    for says in (written, read):
+        wait_until(lambda says=says: any(says in one for one in faults(robot)), says, CROSSES)
+    robot.newest.clear()
+    right.newest.clear()
+    robot.waits_for("/pioneer1/pioneer/cmd_vel", [0.25, -0.5])
+    right.waits_for("/pioneer1/odom", [1.5, "pioneer1/base_link"])
+    odd.end()
+    right.end()
+
+
+def test_any_quality_of_service_is_served_or_its_refusal_is_named(
+    robot: Program, start: Start
+) -> None:
+    odd = start(str(PEER), str(HERE / "odd_peer.py"), "qos", plain=True)
+    odd.waits_for("/pioneer1/odom", [1.5])
+    robot.waits_for("/pioneer1/map_goal_pose", [7.0, 0.0])
+    says = "a reader in ROS 2 was refused: it requests another deadline"
+    wait_until(lambda: any(says in one for one in faults(robot)), says, CROSSES)
+    odd.end()
+
+
+def test_a_flood_from_ros_2_is_named_and_keeps_no_other_topic_waiting(
+    robot: Program, start: Start
+) -> None:
+    odd = start(str(PEER), str(HERE / "odd_peer.py"), "flood", plain=True)
+    robot.waits_for("/pioneer2/pioneer/cmd_vel", [0.125, 0.0])
+    says = "messages are dropped"
+    wait_until(lambda: any(says in one for one in faults(robot)), says, CROSSES)
+    right = start(str(PEER), str(HERE / "peer.py"), plain=True)
+    right.waits_for("/map", [0, 100, -1])
+    right.waits_for("/pioneer1/base_scan", [1.25, 2.5, "pioneer1/laser"])
+    odd.end()
+    right.end()
+
+
+def test_a_domain_that_cannot_be_joined_is_a_state_and_the_door_keeps_trying(
+    tmp_path: Path,
+) -> None:
+    interface = '<Interfaces><NetworkInterface name="nowhere0"/></Interfaces>'
+    config = f"<CycloneDDS><Domain><General>{interface}</General></Domain></CycloneDDS>"
+    with Master() as master:
+        environment = {**master.environment, "CYCLONEDDS_URI": config}
+        log = tmp_path / "door.log"
+        door = Program(["rosrun", "pioneer_ros2", "ros2_door"], environment, log)
+        says = "cannot join the ROS 2 domain"
+        try:
+            wait_until(lambda: says in log.read_text(), says, CROSSES)
+            assert door.process.poll() is None
+        finally:
+            door.end()
+    assert "Traceback" not in log.read_text()
+
+
 @pytest.mark.parametrize(
     ("environment", "parameters", "says"),
     [
