@@ -2,11 +2,12 @@
 
 Each step is a command as typed in a terminal, ``rosrun PACKAGE PROGRAM ARGUMENT …``. Python programs of this workspace
 are forked, so that the steps share imported modules; other programs are executed normally. Each step leads its own
-session. When a step ends, or on SIGINT or SIGTERM, all others get SIGINT, as from Ctrl-C.
+session. When a step ends or cannot be started, or on SIGINT, SIGTERM or SIGHUP, all others get SIGINT, as from Ctrl-C.
 
 If ``PIONEER_FORK_SOCKET`` is set to a path, ``forked PROGRAM …`` can fork programs from the same interpreter.
 """
 
+import contextlib
 import os
 import shlex
 import signal
@@ -43,20 +44,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(steps: Sequence[Sequence[str]], server: ForkServer | None) -> int:
     ending = EndRequest()
-    ending.take_signals(signal.SIGINT, signal.SIGTERM)
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # else it was started with nohup
+        numbers.append(signal.SIGHUP)
+    ending.take_signals(*numbers)
     start: Callable[..., launcher.Started] = subprocess.Popen
     if server is not None:
         start = launcher.starter(server, lend=True)
-    running: list[launcher.Started] = [
-        start(launcher.resolved(step), **launcher.as_here()) for step in steps
-    ]
-    ended = None
+    running: list[launcher.Started] = []
+    ended: int | None = None
+    try:
+        for step in steps:
+            running.append(start(launcher.resolved(step), **launcher.as_here()))
+    except OSError as error:
+        sys.stderr.write(f"computer: cannot run {shlex.join(step)}: {error.strerror}\n")
+        ended = 127 if isinstance(error, FileNotFoundError) else 126
     while ended is None and not ending.is_set():
         await_end([one.pid for one in running], ending, _REPORTED)
         ended = next((status for one in running if (status := one.poll()) is not None), None)
     for one in running:
         if one.poll() is None:
-            os.killpg(one.pid, signal.SIGINT)
+            with contextlib.suppress(ProcessLookupError):  # it has just ended
+                os.killpg(one.pid, signal.SIGINT)
     for one in running:
         while one.poll() is None:
             signal.sigtimedwait((), _LOOK)

@@ -1,6 +1,7 @@
 """``forked PROGRAM ARGUMENT …``: runs a program as a fork of `computer`'s interpreter, or executes it if impossible.
 
-The program gets this process's arguments, environment, folder and standard streams; its exit status is returned.
+The program gets this process's arguments, environment, folder, standard streams, umask, niceness and limits; its exit
+status is returned.
 SIGINT and SIGTERM are forwarded to it, and it gets SIGTERM if this process ends first. Waits for a `computer` that is
 just starting.
 Keep imports few: startup must take milliseconds.
@@ -9,6 +10,7 @@ Keep imports few: startup must take milliseconds.
 import contextlib
 import json
 import os
+import resource
 import select
 import signal
 import socket
@@ -16,6 +18,7 @@ import sys
 import time
 from collections.abc import Sequence
 from types import FrameType
+from typing import Any
 
 from pioneer_launch.switch import is_on
 
@@ -64,13 +67,27 @@ def _has_connected(line: socket.socket) -> bool:
 def _asked(line: socket.socket, command: Sequence[str]) -> int | None:
     """Requests a program from the fork server; returns its pid, or None if the server refuses or ends."""
     # Same format as in ForkServer.start: a program, not a launcher, and its standard streams.
-    request = json.dumps([[command, dict(os.environ), os.getcwd()], False]).encode()
+    program = [command, dict(os.environ), os.getcwd(), surroundings()]
+    request = json.dumps([program, False]).encode()
     try:
         socket.send_fds(line, [request], [0, 1, 2])
         answer = line.recv(4096)
     except OSError:
         answer = b""
     return json.loads(answer)[0] if answer else None
+
+
+def surroundings() -> dict[str, Any]:
+    """Returns what else a process inherits: umask, niceness, processors and limits. Not thread-safe."""
+    umask = os.umask(0)
+    os.umask(umask)
+    names = [name for name in dir(resource) if name.startswith("RLIMIT_")]
+    return {
+        "umask": umask,
+        "nice": os.getpriority(os.PRIO_PROCESS, 0),
+        "cpus": sorted(os.sched_getaffinity(0)),
+        "limits": {name: resource.getrlimit(getattr(resource, name)) for name in names},
+    }
 
 
 def _await_creation(path: str) -> None:
@@ -99,7 +116,7 @@ def _await_creation(path: str) -> None:
 def _awaited(line: socket.socket, pid: int, signals: "_Signals") -> int:
     """Waits for the program to end; returns its status, the negative signal number if a signal ended it."""
     running: list[int] = []
-    with contextlib.suppress(ProcessLookupError):  # it has ended already
+    with contextlib.suppress(OSError):  # it has ended already, or no descriptor is left
         running.append(os.pidfd_open(pid))
         signals.forward_to(running[0])
     signals.wait_for(line.fileno())

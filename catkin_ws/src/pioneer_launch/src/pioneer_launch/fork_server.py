@@ -14,24 +14,28 @@ import dataclasses
 import gc
 import json
 import os
-import select
 import signal
 import socket
 import subprocess
 import sys
 import threading
+import time
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from pioneer_launch import process_title
 from pioneer_launch.forked_program import Program, settle
+from tcpros.descriptor import readable
 
 _LARGEST = 1 << 20
 """Maximum request size [bytes]; above the default limit of such a socket."""
 _STREAMS = 3
 _MOMENT = 0.05
 """Poll interval [s]: another thread may have read the report that this one waits for."""
+_WITHOUT_ROOM = 1.0
+"""Pause in accepting clients while there is no descriptor for one [s]."""
 _lent: list["ForkServer"] = []
 
 
@@ -79,10 +83,11 @@ class ForkedProcess:
         self.pid = pid
         self._server = server
         self._status: int | None = None
-        try:
+        self._handle = (
+            -1
+        )  # none: it has ended, and the server keeps its status, or no descriptor is left
+        with contextlib.suppress(OSError):
             self._handle = os.pidfd_open(pid)
-        except ProcessLookupError:  # it has ended, and the server keeps its status
-            self._handle = os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
 
     def poll(self) -> int | None:
         """Returns the exit status, the negative signal number if a signal ended it; None while the program runs.
@@ -91,11 +96,7 @@ class ForkedProcess:
         """
         if self._status is None:
             self._status = self._server.status(self.pid)
-        if (
-            self._status is None
-            and self._server.is_lost
-            and select.select([self._handle], [], [], 0)[0]
-        ):
+        if self._status is None and self._server.is_lost and not self._is_running():
             self._status = -signal.SIGKILL
         return self._status
 
@@ -105,14 +106,23 @@ class ForkedProcess:
         Raises:
             TimeoutExpired: the program is still running after ``timeout`` [s].
         """
-        if not select.select([self._handle], [], [], timeout)[0]:
-            raise subprocess.TimeoutExpired(str(self.pid), timeout)
+        if self._handle >= 0:
+            readable([self._handle], timeout)
+        end = time.monotonic() + (timeout if self._handle < 0 else 0.0)
         while (status := self.poll()) is None:
+            if time.monotonic() >= end and self._is_running():
+                raise subprocess.TimeoutExpired(str(self.pid), timeout)
             self._server.await_report()
         return status
 
+    def _is_running(self) -> bool:
+        if self._handle >= 0:
+            return not readable([self._handle], 0.0)
+        return Path(f"/proc/{self.pid}").exists()
+
     def __del__(self) -> None:
-        os.close(self._handle)
+        if self._handle >= 0:
+            os.close(self._handle)
 
 
 class ForkServer:
@@ -136,7 +146,7 @@ class ForkServer:
         """Starts the script ``arguments[0]`` in its own session; with ``lend`` it may use this server too.
 
         Raises:
-            ForkServerError: the server has ended, or the request is too long.
+            ForkServerError: the server has ended or cannot fork, or the request is too long.
         """
         request = json.dumps([[list(arguments), dict(environment), folder], lend]).encode()
         with self._lock:
@@ -153,13 +163,13 @@ class ForkServer:
     def status(self, pid: int) -> int | None:
         """Returns the exit status of ``pid``, only once; None while it runs."""
         with self._lock:
-            while not self.is_lost and select.select([self._line], [], [], 0)[0]:
+            while not self.is_lost and readable([self._line], 0.0):
                 self._take()
             return self._ended.pop(pid, None)
 
     def await_report(self) -> None:
         """Waits briefly, or until the server reports the end of a program."""
-        select.select([self._line], [], [], _MOMENT)
+        readable([self._line], _MOMENT)
 
     def _take(self) -> int | None:
         """Reads one message; returns the pid if it reports a started program."""
@@ -173,6 +183,8 @@ class ForkServer:
                 os.waitpid(self._pid, 0)
             return None
         pid, status = json.loads(message)
+        if pid is None:
+            raise ForkServerError(status)
         if status is None:
             return int(pid)
         self._ended[pid] = status
@@ -224,21 +236,33 @@ class _Server:
     def serve(self) -> Program:
         """Serves requests until no client is left; returns only in the forked processes."""
         reader = _become_server()
-        listeners = [self._guard.listener] if self._guard else []
+        accepts_from = 0.0
         while self._lines:
-            ready = select.select([*self._lines, *listeners, reader], [], [])[0]
+            listeners = [self._guard.listener] if self._guard else []
+            if time.monotonic() < accepts_from:
+                listeners = []
+            ready = readable([*self._lines, *listeners, reader], _WITHOUT_ROOM)
             if reader in ready:
                 os.read(reader, 4096)
                 self._report()
-            for listener in [one for one in listeners if one in ready]:
-                guest, _ = listener.accept()
-                self._guests.add(guest)
-                self._lines.append(guest)
-            for line in [one for one in self._lines if one in ready]:
+            for listener in [one for one in listeners if one.fileno() in ready]:
+                if not self._accept(listener):
+                    accepts_from = time.monotonic() + _WITHOUT_ROOM
+            for line in [one for one in self._lines if one.fileno() in ready]:
                 program = self._request(line)
                 if program is not None:
                     return program
         os._exit(0)
+
+    def _accept(self, listener: socket.socket) -> bool:
+        """Accepts a client; returns False if there is no descriptor for it, so that it has to wait."""
+        try:
+            guest, _ = listener.accept()
+        except OSError:
+            return False
+        self._guests.add(guest)
+        self._lines.append(guest)
+        return True
 
     def _request(self, line: socket.socket) -> Program | None:
         """Starts one program; returns it in the forked process, None in the server."""
@@ -254,30 +278,51 @@ class _Server:
         ):  # an empty read at the end of the connection is not JSON either
             allowed = False
         else:
-            allowed = self._guard is None or line not in self._guests or self._guard.allows(program)
+            # Without a descriptor for each stream, some have not been passed.
+            allowed = len(streams) == _STREAMS and self._allows(line, program)
         if allowed:
-            return self._fork(line, program, streams, lend)
+            try:
+                return self._fork(line, program, streams, lend)
+            except OSError as error:  # no process or descriptor left
+                _close(streams)
+                self._send(line, [None, f"it cannot fork: {error.strerror}"])
+                return None
         _close(streams)
         self._drop(line)
         return None
+
+    def _allows(self, line: socket.socket, program: Program) -> bool:
+        if self._guard is None or line not in self._guests:
+            return True
+        try:
+            return self._guard.allows(program)
+        except (
+            OSError,
+            ValueError,
+        ):  # it cannot be read; the client shows the reason when it executes it
+            return False
 
     def _fork(
         self, line: socket.socket, program: Program, streams: Sequence[int], lend: bool
     ) -> Program | None:
         """Forks; returns the program in the new process, and None here once the new process leads its own session."""
-        reader, writer = os.pipe2(os.O_CLOEXEC)
         server = os.getpid()
-        ours, theirs = _line() if lend else (None, None)
-        pid = os.fork()
+        with contextlib.ExitStack() as opened:
+            reader, writer = os.pipe2(os.O_CLOEXEC)
+            opened.callback(os.close, reader)
+            opened.callback(os.close, writer)
+            ours, theirs = _line() if lend else (None, None)
+            for one in (ours, theirs):
+                if one is not None:
+                    opened.callback(one.close)
+            pid = os.fork()
+            opened.pop_all()
         if not pid:
-            os.setsid()
-            for one in [*self._lines, *([self._guard.listener] if self._guard else [])]:
-                one.detach()
-            if theirs is not None:
-                theirs.detach()
-            settle(streams, keep=ours)
-            if ours is not None:
-                _lent.append(ForkServer(ours, server))
+            try:
+                self._become_program(streams, ours, theirs, server)
+            except BaseException:  # noqa: BLE001 - printed; this process must never serve
+                traceback.print_exc()
+                os._exit(1)
             return program
         os.close(writer)
         _close(streams)
@@ -290,11 +335,29 @@ class _Server:
         self._send(line, [pid, None])
         return None
 
+    def _become_program(
+        self,
+        streams: Sequence[int],
+        ours: socket.socket | None,
+        theirs: socket.socket | None,
+        server: int,
+    ) -> None:
+        """Leaves the server's session and files, in the forked process."""
+        os.setsid()
+        # Closed at once: there may be no other descriptor for what `settle` opens.
+        for one in [*self._lines, *([self._guard.listener] if self._guard else [])]:
+            os.close(one.detach())
+        if theirs is not None:
+            os.close(theirs.detach())
+        settle(streams, keep=ours)
+        if ours is not None:
+            _lent.append(ForkServer(ours, server))
+
     def _report(self) -> None:
         with contextlib.suppress(ChildProcessError):
             while (found := os.waitpid(-1, os.WNOHANG))[0]:
-                line = self._asked.pop(found[0])
-                if line in self._lines:
+                line = self._asked.pop(found[0], None)
+                if line is not None and line in self._lines:
                     self._send(line, [found[0], os.waitstatus_to_exitcode(found[1])])
 
     def _send(self, line: socket.socket, message: Any) -> None:
@@ -311,7 +374,10 @@ class _Server:
         if line in self._guests:
             self._guests.remove(line)
             for pid in [pid for pid, asked in self._asked.items() if asked is line]:
-                os.kill(pid, signal.SIGTERM)
+                with contextlib.suppress(
+                    OSError
+                ):  # it has ended, or belongs to another user by now
+                    os.kill(pid, signal.SIGTERM)
 
 
 def _close(streams: Sequence[int]) -> None:

@@ -6,6 +6,7 @@ import dataclasses
 import importlib
 import io
 import os
+import resource
 import signal
 import socket
 import sys
@@ -28,6 +29,8 @@ class Program:
     arguments: Sequence[str]
     environment: Mapping[str, str]
     folder: str
+    #: umask, niceness, processors and limits as from `fork_client.surroundings`; None keeps the server's
+    surroundings: Mapping[str, Any] | None = None
 
     def run(self) -> NoReturn:
         """Runs the script as ``__main__`` and exits with the status that the interpreter would return.
@@ -59,6 +62,8 @@ class Program:
     def _execute(self) -> None:
         path = self.arguments[0]
         os.chdir(self.folder)
+        if self.surroundings is not None:
+            _take_on(self.surroundings)
         os.environ.clear()
         os.environ.update(self.environment)
         process_title.show(
@@ -72,6 +77,26 @@ class Program:
         main.__file__ = path
         sys.modules["__main__"] = main
         exec(compile(Path(path).read_bytes(), path, "exec"), main.__dict__)
+
+
+def _take_on(surroundings: Mapping[str, Any]) -> None:
+    """Gives this process the umask, niceness, processors and limits, as far as it may have them."""
+    os.umask(surroundings["umask"])
+    with contextlib.suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, surroundings["nice"])
+    with contextlib.suppress(OSError):
+        os.sched_setaffinity(0, surroundings["cpus"])
+    for name, (soft, hard) in surroundings["limits"].items():
+        number = getattr(resource, name)
+        highest = resource.getrlimit(number)[1]
+        hard = _lower(hard, highest)
+        with contextlib.suppress(OSError, ValueError):
+            resource.setrlimit(number, (_lower(soft, hard), hard))
+
+
+def _lower(limit: int, other: int) -> int:
+    finite = [one for one in (limit, other) if one != resource.RLIM_INFINITY]
+    return min(finite, default=resource.RLIM_INFINITY)
 
 
 def _status(end: SystemExit) -> int:

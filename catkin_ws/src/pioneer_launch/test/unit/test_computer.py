@@ -40,6 +40,28 @@ def test_signal_ends_all_steps_with_success(number: signal.Signals) -> None:
     assert process.returncode == 0
 
 
+def test_a_later_step_that_is_missing_ends_the_earlier_ones(tmp_path: Path) -> None:
+    """The earlier ones were left running."""
+    ready = tmp_path / "ready"
+    waits = WAITS.replace("echo started", f"touch {ready}")
+    done = subprocess.run(
+        [*COMMAND, waits, "/nonexistent --option"], capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 127
+    line = "computer: cannot run /nonexistent --option: No such file or directory\n"
+    assert done.stderr.endswith(line)
+    # The first step may have been interrupted before its trap was set.
+    assert done.stdout in ("", "interrupted\n")
+
+
+def test_a_terminal_that_closes_ends_all_steps() -> None:
+    process = subprocess.Popen([*COMMAND, WAITS, WAITS], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert [process.stdout.readline() for _ in range(2)] == ["started\n"] * 2
+    process.send_signal(signal.SIGHUP)
+    assert process.communicate(timeout=60)[0] == "interrupted\n" * 2
+
+
 def test_no_steps_are_a_usage_error() -> None:
     done = subprocess.run(COMMAND, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2

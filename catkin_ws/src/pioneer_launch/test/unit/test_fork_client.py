@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import resource
 import select
 import signal
 import socket
@@ -53,6 +54,13 @@ class Machine:
         """Starts the computer, which prints a line once its step runs."""
         command = [str(self._computer), "sh -c 'echo runs; exec sleep 600'"]
         return subprocess.Popen(command, env=self.environment, stdout=subprocess.PIPE, text=True)
+
+    def server_pid(self, program: str) -> int:
+        """Returns the PID of the fork server, as the parent of a program."""
+        Path(program).write_text(f"#!{sys.executable}\nimport os\nprint(os.getppid())\n")
+        pid = int(self.run(program).stdout)
+        Path(program).write_text(f"#!{sys.executable}\nimport os\nprint({PARENT})\n")
+        return pid
 
     def program(self, text: str) -> str:
         """Creates a program of the workspace and returns its path."""
@@ -355,3 +363,58 @@ def test_without_forks_a_computer_does_not_listen(tmp_path: Path) -> None:
             machine.run(machine.program(f"import os\nprint({PARENT})")).stdout == f"{own_name()}\n"
         )
         computer.terminate()
+
+
+def test_program_has_the_umask_niceness_processors_and_limits_of_its_caller(
+    machine: Machine,
+) -> None:
+    """With umask 077, a program's files were readable for all."""
+    path = machine.program(f"""
+        import os, resource
+        umask = os.umask(0)
+        limits = resource.getrlimit(resource.RLIMIT_NOFILE), resource.getrlimit(resource.RLIMIT_CORE)
+        print({PARENT}, oct(umask), os.nice(0), len(os.sched_getaffinity(0)), limits)
+    """)
+    steps = f"umask 077; ulimit -n 300; ulimit -c 0; exec nice -n 7 taskset -c 0 {FORKED} {path}"
+    own = os.nice(0)
+    done = subprocess.run(
+        ["sh", "-c", steps],
+        env=machine.environment,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+    )
+    assert done.stdout == f"fork_server 0o77 {min(19, own + 7)} 1 ((300, 300), (0, 0))\n", (
+        done.stderr
+    )
+
+
+def test_a_server_without_descriptors_or_processes_serves_again_once_it_has_some(
+    tmp_path: Path,
+) -> None:
+    """Any of these ended the server, and with it the exit statuses of all programs."""
+    made = Machine(tmp_path)
+    path = made.program("")
+    with made.start() as computer, contextlib.ExitStack() as at_end:
+        at_end.callback(computer.terminate)
+        assert computer.stdout is not None
+        assert computer.stdout.readline() == "runs\n"
+        server = made.server_pid(path)
+        limit = resource.prlimit(server, resource.RLIMIT_NOFILE)
+        open_files = len(os.listdir(f"/proc/{server}/fd"))
+        found = []
+        for room in range(8):
+            resource.prlimit(server, resource.RLIMIT_NOFILE, (open_files + room, limit[1]))
+            process = subprocess.Popen(
+                [FORKED, path], env=made.environment, stdout=subprocess.PIPE, text=True
+            )
+            with process:
+                # Without room to accept it, the client waits for the server.
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(0.3)
+                resource.prlimit(server, resource.RLIMIT_NOFILE, limit)
+                text, _ = process.communicate(timeout=PATIENCE)
+            found.append(text.strip() != "")
+        assert all(found), "each program was forked or executed"
+        assert made.run(path).stdout == "fork_server\n"
+        assert made.server_pid(path) == server

@@ -186,7 +186,7 @@ class World:
         self.reactor = SimulatedReactor(self.drawn)
         self.network = Network(self.reactor)
         self.wrong: list[str] = []
-        self._bytes = self.drawn.randbytes(1 << 16) * (LARGEST // (1 << 16) + 1)
+        self._bytes = self.drawn.randbytes(1 << 16) * (LARGEST // (1 << 16) + 2)
         self._numbers = 0
         self._calls: list[Call] = []
         self._faults = Faults()
