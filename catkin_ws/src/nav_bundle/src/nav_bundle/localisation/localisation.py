@@ -28,7 +28,16 @@ DENSITY = 1000.0
 """Candidate poses per area [1/m²] for the first scan of global localisation, if the sensor model can evaluate as many:
 seven for each 0.5 m by 0.5 m by 10°."""
 DOUBTS = 4
-"""After this many consecutive estimates that do not fit the scan, the robot counts as lost."""
+"""After this many consecutive estimates that the scan contradicts, the robot counts as lost."""
+DOUBTFUL = 0.75
+"""Scans of which a smaller share fits the map are examined for contradictions."""
+CONTRADICTION = 0.1
+"""A scan contradicts an estimate if more of its beams than this share lead through obstacles of the map, ..."""
+OUTWEIGHING = 0.5
+"""... and more than this share of those that fit: a door that has been opened is no reason for doubt."""
+EXAMINED_BEAMS = 60
+PASSAGE = 0.3
+"""A beam must lead this far beyond an obstacle, and begin as far before it, to have passed it [m]."""
 REFINING_BEAMS = 180
 """Beams used to refine an estimate; many are affordable here, since only one pose is evaluated, not hundreds."""
 SIGMA = 0.1
@@ -92,7 +101,11 @@ class Localisation:
 
     @property
     def lost(self) -> bool:
-        """Returns whether the last ``DOUBTS`` scans did not fit the map at the estimated pose."""
+        """Returns whether the last ``DOUBTS`` scans contradicted the map at the estimated pose.
+
+        Things that the map does not show make beams shorter, and are no contradiction, whatever part of the view they
+        fill. Nothing makes beams longer: those that would have to pass through walls speak against the pose.
+        """
         return self._doubts >= DOUBTS
 
     def set_map(self, grid: Grid) -> None:
@@ -205,10 +218,18 @@ class Localisation:
         pose, self.agreement = _fitted(
             estimate, self._thinned(scan, REFINING_BEAMS), self._sensor.field
         )
-        self._doubts = self._doubts + 1 if self.agreement < LEAST_AGREEMENT else 0
+        self._doubts = self._doubts + 1 if self._is_contradicted(pose, scan) else 0
         if pose is not estimate.pose:
             self._filter.learn(pose)
         return replace(estimate, pose=pose)
+
+    def _is_contradicted(self, pose: Pose, scan: Scan) -> bool:
+        """Returns whether a scan speaks against an estimated pose."""
+        if self.agreement >= DOUBTFUL:
+            return False
+        assert isinstance(self._sensor, LikelihoodField)
+        passing = _passing(pose, self._thinned(scan, EXAMINED_BEAMS), self._sensor.field)
+        return passing > max(CONTRADICTION, OUTWEIGHING * self.agreement)
 
     def _thinned(self, scan: Scan, beams: int) -> Beams:
         return scan.thinned(beams, self._config.laser_min_range, self._config.laser_max_range)
@@ -237,6 +258,28 @@ def _fitted(estimate: Estimate, beams: Beams, field: DistanceField) -> tuple[Pos
     near = pose.distance(estimate.pose) < FARTHEST
     near = near and abs(angle_difference(pose.yaw, estimate.pose.yaw)) < FARTHEST
     return pose if near and agreement >= LEAST_AGREEMENT else estimate.pose, agreement
+
+
+def _passing(pose: Pose, beams: Beams, field: DistanceField) -> float:
+    """Returns the share of the beams with a return that would have led through an obstacle of the map at a pose."""
+    points = beams.end_points()
+    if len(points) == 0:
+        return 0.0
+    laser = np.array([beams.laser.x, beams.laser.y])
+    offsets = points - laser
+    lengths = np.hypot(offsets[:, 0], offsets[:, 1])
+    directions = offsets / np.maximum(lengths, 1.0e-9)[:, None]
+    # Farther than the map reaches, there are no obstacles: a range may be any number.
+    longest = min(lengths.max() - PASSAGE, sum(field.cells.squares.shape) * field.resolution)
+    steps = np.arange(PASSAGE, longest, 0.5 * field.resolution)
+    # Axes of the samples: beam, step along it.
+    local_x = laser[0] + directions[:, :1] * steps
+    local_y = laser[1] + directions[:, 1:] * steps
+    cosine, sine = math.cos(pose.yaw), math.sin(pose.yaw)
+    x = pose.x + cosine * local_x - sine * local_y
+    y = pose.y + sine * local_x + cosine * local_y
+    are_passed = field.are_occupied(x, y) & (steps < lengths[:, None] - PASSAGE)
+    return float(are_passed.any(axis=1).mean())
 
 
 def _likely(

@@ -272,8 +272,8 @@ class AmclNode:
         lost, before = self._localisation.lost, self._lost
         if lost and not before:
             rospy.logwarn(
-                "localisation is lost: only %.0f %% of the scan fits the map here; set the pose on initialpose, "
-                "or call global_localization",
+                "localisation is lost: the laser looks through walls of the map here, and %.0f %% of the scan fits; "
+                "set the pose on initialpose, or call global_localization",
                 100.0 * self._localisation.agreement,
             )
         elif before and not lost:

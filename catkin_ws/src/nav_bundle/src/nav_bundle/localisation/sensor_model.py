@@ -39,6 +39,21 @@ class DistanceField:
             np.ascontiguousarray(grid.cells), OCCUPIED, self.cap, self.cells.squares
         )
 
+    def are_occupied(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Returns whether points [m, map frame] are in occupied cells; those outside the map are not."""
+        squares, (origin_x, origin_y, cosine, sine, scale) = (
+            self.cells.squares,
+            self.cells.placement,
+        )
+        along = (cosine * (x - origin_x) + sine * (y - origin_y)) * scale
+        across = (cosine * (y - origin_y) - sine * (x - origin_x)) * scale
+        rows, cols = squares.shape
+        inside = (along >= 0.0) & (along < cols) & (across >= 0.0) & (across < rows)
+        found = np.zeros(x.shape, bool)
+        at = across[inside].astype(np.int64), along[inside].astype(np.int64)
+        found[inside] = squares[at] == 0
+        return found
+
 
 class LikelihoodField:
     """Likelihood field model: a beam's likelihood depends on the distance of its end point to the nearest obstacle.
