@@ -2,9 +2,11 @@
 
 import json
 import os
+import random
 import signal
 import subprocess
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,9 @@ import pytest
 
 pytest.importorskip("cyclonedds", reason="the door to ROS 2 is not installed")
 
-from pioneer_harness.masters import Master
+from pioneer_harness.masters import Master, MasterProcess
+from pioneer_harness.port import PortReservation
+from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
 
 HERE = Path(__file__).parent
@@ -21,6 +25,8 @@ ROOT = Path(__file__).resolve().parents[5]
 PEER = ROOT / ".setup" / "ros2-peer" / "bin" / "python3"
 CROSSES = 20.0
 """Time within which something crosses once both sides run: discovery takes a second or two [s]."""
+SEED, KILLS = 43, 60.0
+"""Of the order in which parts are killed, and for how long [s]."""
 
 pytestmark = pytest.mark.skipif(
     not PEER.exists(), reason="no ROS 2 for the tests (PyPI has it for Python 3.11)"
@@ -283,6 +289,77 @@ def test_a_domain_that_cannot_be_joined_is_a_state_and_the_door_keeps_trying(
         finally:
             door.end()
     assert "Traceback" not in log.read_text()
+
+
+class Site:
+    """A master, a robot, the door and a node of ROS 2, each of which can be killed and started again."""
+
+    def __init__(self, group: ProcessGroup, port: int, folder: Path, domain: str) -> None:
+        self.master = MasterProcess(group, port, folder)
+        self._folder = folder
+        self._environment = {**self.master.environment, "ROS_DOMAIN_ID": domain}
+        self._programs: dict[str, Program] = {}
+        for name in ("robot", "door", "peer"):
+            self.start(name)
+
+    def start(self, name: str) -> None:
+        """Starts a program; its log is continued."""
+        environment = self._environment
+        if name == "peer":
+            names = environment.keys() - {"PYTHONPATH"}
+            environment = {each: environment[each] for each in names}
+        commands = {
+            "robot": ["python3", str(HERE / "robot.py")],
+            "door": ["rosrun", "pioneer_ros2", "ros2_door"],
+            "peer": [str(PEER), str(HERE / "peer.py")],
+        }
+        log = self._folder / f"{name}.log"
+        self._programs[name] = Program(commands[name], environment, log)
+
+    def restart(self, name: str) -> None:
+        """Kills a program and starts it again. A robot of rospy does not notice a new master: it goes with it."""
+        if name == "master":
+            self.master.restart()
+            name = "robot"
+        self._programs[name].end(signal.SIGKILL)
+        self.start(name)
+
+    def check(self) -> None:
+        """Waits until everything crosses both ways."""
+        for program in self._programs.values():
+            program.newest.clear()
+        peer = self._programs["peer"]
+        peer.waits_for("/pioneer1/base_scan", [1.25, 2.5, "pioneer1/laser"])
+        self._programs["robot"].waits_for("/pioneer1/pioneer/cmd_vel", [0.25, -0.5])
+
+    def late_node_gets_the_map(self) -> None:
+        """Starts the node of ROS 2 again and waits for the latched map."""
+        self.restart("peer")
+        self._programs["peer"].waits_for("/map", [0, 100, -1])
+
+    def end(self) -> None:
+        """Ends everything but the master."""
+        for program in reversed(self._programs.values()):
+            program.end()
+        self.master.stop()
+
+
+def test_after_a_minute_of_kills_and_restarts_everything_crosses(
+    domain: str, tmp_path: Path
+) -> None:
+    source = random.Random(SEED)
+    with ProcessGroup() as group, PortReservation() as ports:
+        site = Site(group, ports.take(15311), tmp_path, str(int(domain) + 1))
+        try:
+            site.check()
+            ends = time.monotonic() + KILLS
+            while time.monotonic() < ends:
+                site.restart(source.choice(("master", "robot", "door", "peer")))
+                site.check()
+            site.late_node_gets_the_map()
+        finally:
+            site.end()
+    assert "Traceback" not in (tmp_path / "door.log").read_text()
 
 
 @pytest.mark.parametrize(
