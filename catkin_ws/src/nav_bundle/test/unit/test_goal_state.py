@@ -24,12 +24,13 @@ PLANNERS = ["base_local_planner/TrajectoryPlannerROS", "dwa_local_planner/DWAPla
 class Robot:
     """A navigator in an empty room, with a robot that is carried about."""
 
-    def __init__(self, planner):
+    def __init__(self, planner, **options):
         self.planner = planner
         local = {
             "latch_xy_goal_tolerance": True,
             "xy_goal_tolerance": 0.25,
             "yaw_goal_tolerance": 0.1,
+            **options,
         }
         shared = {"footprint": BODY, "inflation_radius": 0.3}
         parameters = {
@@ -161,3 +162,24 @@ def test_a_recovery_s_speed_limit_holds_until_the_robot_has_left_the_place(robot
         robot.pose = robot.pose.compose(Pose(0.05 * velocity.x, 0.0, 0.05 * velocity.turn))
     assert not limited
     assert velocity.x > 0.4
+
+
+@pytest.mark.parametrize("holonomic", [True, False])
+def test_a_holonomic_robot_drives_to_a_goal_beside_it_without_turning(holonomic):
+    options = {"holonomic_robot": holonomic}
+    robot = Robot("base_local_planner/TrajectoryPlannerROS", **options)
+    robot.pose, robot.goal = Pose(4.0, 1.5, 0.0), Pose(4.0, 3.5, 0.0)
+    robot.begin()
+    velocity, turned, strafed, outcome = STANDSTILL, 0.0, 0.0, None
+    for _ in range(600):
+        cycle = robot.cycle(velocity)
+        velocity = cycle.command or velocity
+        step = Pose(0.05 * velocity.x, 0.05 * velocity.y, 0.05 * velocity.turn)
+        robot.pose = robot.pose.compose(step)
+        turned += abs(step.yaw)
+        strafed += abs(step.y)
+        if cycle.finish is not None:
+            outcome = cycle.finish.outcome
+            break
+    assert outcome is Outcome.SUCCEEDED
+    assert (turned < 0.5, strafed > 1.0) == (holonomic, holonomic)

@@ -440,7 +440,7 @@ def test_former_parameter_names_are_understood():
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"holonomic_robot": True}, {"sim_time": 0.0}],
+    [{"simple_attractor": True}, {"y_vels": "fast"}, {"sim_time": 0.0}],
 )
 def test_parameters_that_make_no_sense_are_refused(wrong):
     with pytest.raises(ParameterError):

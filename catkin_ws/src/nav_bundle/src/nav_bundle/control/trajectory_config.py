@@ -37,8 +37,8 @@ class TrajectoryConfig:
     ``heading_scoring`` scores a sample at ``heading_scoring_timestep``, and also by its heading to the farthest visible
     point of the plan. Not in Noetic: ``clearance`` [m] is the distance kept from obstacles where there is room, and
     ``clearance_scale`` is the cost of touching them all the way, in units of the biases; 0 gives base_local_planner's
-    scores. ``holonomic_robot`` and ``simple_attractor`` are not
-    supported: setting them is an error.
+    scores. With ``holonomic_robot`` the robot also drives sideways at ``y_vels`` [m/s], numbers in a text or a list.
+    ``simple_attractor`` is not supported: setting it is an error.
     """
 
     acc_lim_x: Annotated[float, Live(0.0, 20.0)] = 2.5
@@ -81,9 +81,26 @@ class TrajectoryConfig:
     heading_scoring_timestep: Annotated[float, Live(0.0, 1.0)] = 0.1
     publish_cost_grid_pc: Annotated[bool, Live()] = False
     restore_defaults: Annotated[bool, Live(), ONLY_LIVE] = False
-    y_vels: Annotated[Any, Live(), WithoutEffect("is for holonomic robots")] = ""
+    y_vels: Annotated[Any, Live()] = "-0.3,-0.1,0.1,0.3"
     world_model: Annotated[str, WithoutEffect("is not used: there is only 'costmap'")] = "costmap"
     global_frame_id: Annotated[str, LOCAL_FRAME] = ""
+
+    def sideways(self) -> tuple[float, ...]:
+        """Returns the speeds to the left [m/s] that a holonomic robot tries; none for another robot.
+
+        Raises:
+            ValueError: ``y_vels`` are not finite numbers.
+        """
+        texts = (
+            self.y_vels.replace(",", " ").split() if isinstance(self.y_vels, str) else self.y_vels
+        )
+        try:
+            speeds = tuple(float(text) for text in texts)
+        except TypeError as error:
+            raise ValueError(str(error)) from error
+        if not all(math.isfinite(speed) for speed in speeds):
+            raise ValueError("not finite")
+        return speeds if self.holonomic_robot else ()
 
     def limited(self, speed: float, turn: float) -> "TrajectoryConfig":
         """Returns the configuration with at most these speeds [m/s] and [rad/s]; lower bounds give way."""
@@ -131,9 +148,14 @@ def with_samples(config: Config, names: Sequence[str], owner: str) -> Config:
 
 
 def _check(config: TrajectoryConfig, owner: str) -> None:
-    for name in ("holonomic_robot", "simple_attractor"):
-        if getattr(config, name):
-            raise ParameterError(f"{owner}: ~{name} true is not available")
+    if config.simple_attractor:
+        raise ParameterError(f"{owner}: ~simple_attractor true is not available")
+    try:
+        config.sideways()
+    except ValueError:
+        raise ParameterError(
+            f"{owner}: ~y_vels must be speeds separated by commas, not {config.y_vels!r}"
+        ) from None
     for name in (
         "sim_time",
         "sim_granularity",

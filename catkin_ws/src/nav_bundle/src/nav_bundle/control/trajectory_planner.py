@@ -158,6 +158,8 @@ class TrajectoryPlanner(SamplingPlanner[TrajectoryConfig]):
     def _forward_samples(self, velocity: Velocity, limit: float) -> NDArray[np.float64]:
         """Returns straight and curved samples (n, 3), no faster than ``limit`` unless braking takes longer.
 
+        A holonomic robot also gets its sideways samples that are no faster, or at least the slowest to each side.
+
         Standstill is excluded: it is always free, so in front of an obstacle it would be chosen forever.
         """
         slowest, fastest, right, left = self._range(velocity)
@@ -168,7 +170,15 @@ class TrajectoryPlanner(SamplingPlanner[TrajectoryConfig]):
         samples = np.zeros((len(speeds), len(turns), 3))
         samples[:, :, 0] = speeds[:, None]
         samples[:, :, 2] = turns[None, :]
-        return samples.reshape(-1, 3)
+        return np.concatenate([samples.reshape(-1, 3), self._sideways_samples(limit)])
+
+    def _sideways_samples(self, limit: float) -> NDArray[np.float64]:
+        speeds = self.config.sideways()
+        slowest = min((abs(speed) for speed in speeds if speed), default=0.0)
+        tried = [speed for speed in speeds if 0.0 < abs(speed) <= max(limit, slowest)]
+        samples = np.zeros((len(tried), 3))
+        samples[:, 1] = tried
+        return samples
 
     def _turn_in_place(self, situation: Situation, best: Scored | None) -> Scored | None:
         """Returns the turn in place with the shortest distance ahead, if it costs no more than ``best``, else ``best``.

@@ -158,7 +158,7 @@ class CostmapConfig:
         return footprint_from_parameters(self.footprint, self.robot_radius, self.footprint_padding)
 
 
-_LAYERS = {
+_LAYERS: dict[str, type[Any]] = {
     "costmap_2d::StaticLayer": StaticConfig,
     "costmap_2d::ObstacleLayer": ObstacleConfig,
     "costmap_2d::VoxelLayer": VoxelConfig,

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, is_dataclass
 from functools import partial
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nav_bundle.base.plugin import PluginError, class_named, is_class_name
 from nav_bundle.base.pose import Pose
 from nav_bundle.control.dwa_config import dwa_config_from_parameters
 from nav_bundle.control.dwa_planner import DwaPlanner
@@ -26,6 +27,7 @@ from nav_bundle.planning.global_planner import (
     global_planner_config_from_parameters,
 )
 from nav_bundle.planning.navfn import MEETING_DISTANCE, NavfnConfig, NavfnPlanner
+from nav_bundle.planning.planner import GlobalPlanner as Planner
 from pioneer_node.core.live import Live, live_values
 from pioneer_node.core.parameter import ONLY_LIVE, ParameterError, config_from_mapping, namespace_in
 
@@ -47,7 +49,7 @@ _LOCAL_PLANNERS: dict[str, LocalKind] = {
 }
 """By type: reads the configuration from parameters, namespace and control frequency [Hz]; creates the planner from the
 configuration and the local costmap's resolution [m]."""
-GlobalKind = tuple[Callable[[Mapping[str, Any], str], Any], Callable[[Any], NavfnPlanner]]
+GlobalKind = tuple[Callable[[Mapping[str, Any], str], Any], Callable[[Any], Planner]]
 _GLOBAL_PLANNERS: dict[str, GlobalKind] = {
     "navfn/NavfnROS": (partial(config_from_mapping, NavfnConfig), NavfnPlanner),
     "global_planner/GlobalPlanner": (global_planner_config_from_parameters, GlobalPlanner),
@@ -64,7 +66,8 @@ class MoveBaseConfig:
     ``make_plan_add_unreachable_goal``.
 
     ``base_global_planner`` may also be ``global_planner/GlobalPlanner``, and ``base_local_planner`` may be
-    ``dwa_local_planner/DWAPlannerROS``. The package name is optional.
+    ``dwa_local_planner/DWAPlannerROS``. The package name is optional. Both may be ``package.module.Class`` of any
+    Python package on the path; see ``nav_bundle.check_planner``.
 
     The following parameters are not in Noetic. ``odom_timeout`` [s] is the maximum age of odometry to drive on; 0
     disables the check. ``transform_future_limit`` [s] is how far ahead of the clock a transform or cancel may be
@@ -157,8 +160,11 @@ class Setup:
 
     def live_configs(self) -> dict[str, Any]:
         """Returns the dynamically reconfigurable configurations, by namespace relative to the node."""
-        configs: dict[str, Any] = {"": self.base, self.local_planner_name: self.local_planner}
-        if live_values(self.global_planner):
+        configs: dict[str, Any] = {"": self.base}
+        # A planner of another package may have a plain dict.
+        if is_dataclass(self.local_planner) and live_values(self.local_planner):
+            configs[self.local_planner_name] = self.local_planner
+        if is_dataclass(self.global_planner) and live_values(self.global_planner):
             configs[self.global_planner_name] = self.global_planner
         for name, costmap in (
             ("global_costmap", self.global_costmap),
@@ -168,6 +174,16 @@ class Setup:
             layers = zip(costmap.layer_names, costmap.layers, strict=True)
             configs.update({f"{name}/{layer_name}": layer for layer_name, layer in layers})
         return configs
+
+    @property
+    def publishes_cell_costs(self) -> bool:
+        """Whether the local planner's costs of cells are published."""
+        return bool(getattr(self.local_planner, "publish_cost_grid_pc", False))
+
+    @property
+    def goal_tolerance(self) -> float:
+        """Distance from a goal [m] within which the global planner's paths may end."""
+        return float(getattr(self.global_planner, "default_tolerance", 0.0))
 
     @property
     def potential_scale(self) -> int:
@@ -186,9 +202,9 @@ class Setup:
             self.base.meeting_margin, self.base.meeting_vel_scale, self.base.meeting_min_vel
         )
 
-    def make_global_planner(self) -> NavfnPlanner:
+    def make_global_planner(self) -> Planner:
         """Returns a new global planner of the configured type."""
-        _, (_, make) = _planner(_GLOBAL_PLANNERS, self.global_planner_name, "global planner")
+        _, (_, make) = _global_planner(self.base.base_global_planner, "global planner")
         return make(self.global_planner)
 
     def drives_as(self, other: "Setup") -> bool:
@@ -201,7 +217,7 @@ class Setup:
 
     def make_local_planner(self) -> LocalPlanner:
         """Returns a new local planner of the configured type, for the local costmap's resolution."""
-        _, (_, make) = _planner(_LOCAL_PLANNERS, self.local_planner_name, "local planner")
+        _, (_, make) = _local_planner(self.base.base_local_planner, "local planner")
         return make(self.local_planner, self.local_costmap.resolution)
 
 
@@ -250,11 +266,9 @@ def setup_from_parameters(parameters: Mapping[str, Any], owner: str) -> Setup:
         if base.recovery_behavior_enabled
         else ()
     )
-    name, (read_local, _) = _planner(
-        _LOCAL_PLANNERS, base.base_local_planner, f"{owner}: ~base_local_planner"
-    )
-    global_name, (read_global, _) = _planner(
-        _GLOBAL_PLANNERS, base.base_global_planner, f"{owner}: ~base_global_planner"
+    name, (read_local, _) = _local_planner(base.base_local_planner, f"{owner}: ~base_local_planner")
+    global_name, (read_global, _) = _global_planner(
+        base.base_global_planner, f"{owner}: ~base_global_planner"
     )
     local_planner = read_local(
         namespace_in(parameters, name, owner), f"{owner}/{name}", base.controller_frequency
@@ -278,20 +292,68 @@ def _check(base: MoveBaseConfig, owner: str) -> None:
             raise ParameterError(f"{owner}: ~{name} must be positive, not {getattr(base, name)}")
 
 
-def _planner(kinds: dict[str, Kind], wanted: str, what: str) -> tuple[str, Kind]:
-    """Returns the name of the planner ``wanted`` without its package, and its entry in ``kinds``."""
+def _planner(
+    kinds: dict[str, Kind], wanted: str, what: str, of_class: Callable[[type[Any]], Kind]
+) -> tuple[str, Kind]:
+    """Returns the planner's name without its package, and its entry in ``kinds``, or that of its class.
+
+    Args:
+        kinds: the planners of this package, by type.
+        wanted: a type, or ``package.module.Class``.
+        what: names the parameter in messages.
+        of_class: returns the entry of a class of another package.
+    """
     for full, kind in kinds.items():
         name = full.split("/")[-1]
         if wanted in (full, name):
             return name, kind
-    raise ParameterError(f"{what} {wanted!r} is not available; there are {', '.join(kinds)}")
+    if is_class_name(wanted):
+        try:
+            found = class_named(wanted)
+        except PluginError as error:
+            raise ParameterError(f"{what}: {error}") from error
+        return found.__name__, of_class(found)
+    raise ParameterError(
+        f"{what} {wanted!r} is not available; there are {', '.join(kinds)}, and any package.module.Class"
+    )
+
+
+def _config_of(kind: type[Any], parameters: Mapping[str, Any], owner: str) -> Any:
+    """Returns the configuration of a planner of another package: its ``Config``, or the parameters themselves."""
+    config_class = getattr(kind, "Config", None)
+    if config_class is None:
+        return dict(parameters)
+    return config_from_mapping(config_class, parameters, owner)
+
+
+def _global_kind(kind: type[Any]) -> GlobalKind:
+    return partial(_config_of, kind), kind
+
+
+def _local_kind(kind: type[Any]) -> LocalKind:
+    def read(parameters: Mapping[str, Any], owner: str, _: float) -> Any:
+        return _config_of(kind, parameters, owner)
+
+    return read, kind
+
+
+def _global_planner(wanted: str, what: str) -> tuple[str, GlobalKind]:
+    return _planner(_GLOBAL_PLANNERS, wanted, what, _global_kind)
+
+
+def _local_planner(wanted: str, what: str) -> tuple[str, LocalKind]:
+    return _planner(_LOCAL_PLANNERS, wanted, what, _local_kind)
 
 
 def _progress_timeout(base: MoveBaseConfig, local_planner: Any) -> float:
     """Returns the time without progress [s] that suits the robot: a slow one has to be able to turn round."""
     if base.progress_timeout <= 0.0:
         return 0.0
-    slowest = float(getattr(local_planner, "min_in_place_vel_theta", local_planner.min_vel_theta))
+    slowest = float(
+        getattr(
+            local_planner, "min_in_place_vel_theta", getattr(local_planner, "min_vel_theta", 0.0)
+        )
+    )
     full_turn = math.tau / slowest if slowest > 0.0 else 0.0
     return max(base.progress_timeout, min(full_turn, _LONGEST_FULL_TURN))
 
@@ -305,7 +367,7 @@ def _limits(base: MoveBaseConfig, recoveries: int, local_planner: Any) -> Limits
         resets=base.max_progress_resets,
         scale=base.goal_timeout_scale,
         least_total=base.goal_timeout_min,
-        speed=local_planner.max_vel_x,
+        speed=getattr(local_planner, "max_vel_x", 1.0),
     )
     return Limits(
         planner_frequency=base.planner_frequency,

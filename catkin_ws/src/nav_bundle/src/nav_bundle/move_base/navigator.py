@@ -180,6 +180,8 @@ class Navigator:
         """Returns a new local planner, with the speeds that a recovery behaviour allows."""
         if self._limit is None:
             return self._setup.make_local_planner()
+        if not hasattr(self._setup.local_planner, "limited"):
+            return self._setup.make_local_planner()  # of another package, which knows no limit
         slow = self._setup.local_planner.limited(self._limit.speed, self._limit.turn)
         return replace(self._setup, local_planner=slow).make_local_planner()
 

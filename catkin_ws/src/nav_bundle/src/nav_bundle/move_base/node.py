@@ -317,11 +317,7 @@ class MoveBaseNode:
             self._goals.report(sight.pose, now)
 
     def _goal_fault(self, goal: Pose) -> str:
-        return (
-            ""
-            if self._setup.global_planner.default_tolerance
-            else self._global.costmap.goal_fault(goal)
-        )
+        return "" if self._setup.goal_tolerance else self._global.costmap.goal_fault(goal)
 
     def _sight(self, now: float) -> Sight:
         """Returns the robot's current state, as far as it is known; publishes why it may not drive."""
@@ -366,10 +362,7 @@ class MoveBaseNode:
         if cycle.decision is not None:
             self._show(self._shown.followed, cycle.decision.global_plan, self._local.frame, now)
             self._show(self._shown.driven, cycle.decision.local_plan, self._local.frame, now)
-            if (
-                self._setup.local_planner.publish_cost_grid_pc
-                and self._shown.costs.get_num_connections()
-            ):
+            if self._setup.publishes_cell_costs and self._shown.costs.get_num_connections():
                 header = Header(0, rospy.Time.from_sec(now), self._local.frame)
                 self._shown.costs.publish(cost_cloud(self._navigator.cell_costs(), header))
         for text in cycle.warnings:

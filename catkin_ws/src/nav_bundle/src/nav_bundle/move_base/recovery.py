@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Protocol
 
+from nav_bundle.base.plugin import PluginError, class_named, is_class_name
 from nav_bundle.base.pose import Pose, angle_difference
 from nav_bundle.base.velocity import Velocity
 from nav_bundle.costmap.costmap import Costmap
@@ -337,11 +338,19 @@ def recoveries_from_parameters(
 
 def _recovery(parameters: Mapping[str, Any], entry: Any, reset_distance: float) -> Recovery:
     try:
-        name, kind = str(entry["name"]), str(entry["type"]).split("/")[-1]
+        name, full = str(entry["name"]), str(entry["type"])
     except (KeyError, TypeError):
         raise ParameterError(
             f"~recovery_behaviors needs entries of {{name, type}}, not {entry!r}"
         ) from None
+    kind = full.split("/")[-1]
+    if is_class_name(full):
+        try:
+            return class_named(full)(
+                name, dict(namespace_in(parameters, name, "~recovery_behaviors"))
+            )
+        except PluginError as error:
+            raise ParameterError(f"~recovery_behaviors: {error}") from error
     if kind not in _MAKERS:
         raise ParameterError(
             f"~recovery_behaviors: no such type {entry['type']!r}; there are {', '.join(_MAKERS)}"
