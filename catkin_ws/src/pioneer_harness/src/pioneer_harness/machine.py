@@ -34,6 +34,7 @@ class FarMachine:
             "exec",
             self.name,
         )  #: command prefix that runs a command there
+        self._swallowed = 0
         try:
             _run("ip", "netns", "add", self.name)
             _run(
@@ -97,8 +98,31 @@ class FarMachine:
         match = ("-m", "statistic", "--mode", "random", "--probability", str(share))
         self.run("iptables", "-A", "INPUT", "-i", "eth0", *match, "-j", "DROP")
 
+    def swallow(self, size: int) -> None:
+        """Drops all packets longer than ``size`` [bytes] in both directions, as a tunnel with a small MTU may do."""
+        # The kernel would hand over several segments as one long packet.
+        _run("ip", "link", "set", self._near, "gso_max_segs", "1")
+        self.run("ip", "link", "set", "eth0", "gso_max_segs", "1")
+        _run("iptables", "-A", *self._longer(self._near, size))
+        self._swallowed = size
+        self.run("iptables", "-A", *self._longer("eth0", size))
+
+    def pass_all(self) -> None:
+        """Ends `swallow`."""
+        if self._swallowed:
+            _run("iptables", "-D", *self._longer(self._near, self._swallowed))
+            self.run("iptables", "-D", *self._longer("eth0", self._swallowed))
+            self._swallowed = 0
+
+    def _longer(self, device: str, size: int) -> tuple[str, ...]:
+        match = ("-m", "length", "--length", f"{size + 1}:")
+        return ("INPUT", "-i", device, *match, "-j", "DROP")
+
     def close(self) -> None:
         """Removes the namespace and the cable; its processes must have ended."""
+        if self._swallowed:
+            rule = self._longer(self._near, self._swallowed)
+            subprocess.run(["iptables", "-D", *rule], capture_output=True, check=False)
         subprocess.run(["ip", "link", "delete", self._near], capture_output=True, check=False)
         subprocess.run(["ip", "netns", "delete", self.name], capture_output=True, check=False)
         self._reserved.close()

@@ -82,6 +82,40 @@ def test_one_packet_of_twenty_may_be_lost(machine, far) -> None:
     assert base.states()["flip /small"] == "active"
 
 
+@pytest.mark.parametrize("mtu", [1000, 576])
+def test_a_path_that_swallows_large_packets_is_detected_and_carries_large_messages(
+    machine, far, report, mtu
+) -> None:
+    base, robot, log = far
+    big = log.with_name(f"big_{mtu}.log")
+    base.probe("check", "big_sink", "/big", log=big)
+    robot.probe("load", "big_source", "/big", 60_000, 20)
+    assert base.flip("robot", "subscriber", "/big") == 0
+    wait_until(lambda: big.exists() and checked(big), "large messages", START)
+    began = time.monotonic()
+    try:
+        machine.swallow(mtu)
+    except MachineError as error:
+        pytest.skip(f"the size of packets is not tested here: {error}")
+    try:
+        wait_until(lambda: len(since(big, began + 2.0)) > 20, "large messages again", 40)
+        report(f"MTU {mtu}: large messages again", since(big, began + 2.0)[0][0] - began)
+        wait_until(
+            lambda: base.states()["flip /big"].startswith("active: full packets do not arrive"),
+            "a state with the advice",
+            5,
+        )
+        wait_until(lambda: len(since(log, time.monotonic() - 1.0)) > 5, "small messages, too", 20)
+    finally:
+        machine.pass_all()
+        for name in ("big_sink", "big_source"):
+            (base if name == "big_sink" else robot).end_probe(name)
+        assert base.flip("robot", "subscriber", "/big", cancel=True) == 0
+    assert "small packets arrive, full packets do not" in base.log.read_text()
+    numbers = [number for _, number, _ in checked(big)]
+    assert numbers == sorted(set(numbers)), "none came twice"
+
+
 def test_a_host_that_disappears_is_noticed_within_10_s_and_reconnects(machine, far, report) -> None:
     base, _, log = far
     machine.unplug()

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from rocon_relay.connection import RelayConfig
 from rocon_relay.latency import RoundTrips
 from rocon_relay.option import LinkOptions
+from rocon_relay.path import Paths
 from tcpros.backlog import Backlog
 from tcpros.node_context import NodeContext, Pause
 from tcpros.reactor import Reactor
@@ -33,6 +34,7 @@ class Context(NodeContext):
             Tls(certificates) if certificates else None
         )  #: encrypts links; None if they are not encrypted
         self.changed = changed  #: must be called when the state of a link has changed
+        self.paths = Paths()  #: the segment sizes for links
         self.round_trips: dict[str, RoundTrips] = {}  #: round trips to other gateways, by name
 
     def round_trip(self, gateway: str, seconds: float) -> None:

@@ -1,11 +1,14 @@
 """The import side of a link: the outgoing connection to the exporting relay."""
 
+import dataclasses
+import socket
 import time
 from typing import Protocol
 
-from rocon_relay.connection import Address, LinkState
+from rocon_relay.connection import Address, LinkState, Subject
 from rocon_relay.context import Context
 from rocon_relay.link import VERSION, Hello, LinkError, is_proof, proof, state_from_field
+from rocon_relay.path import HEADERS, MARGIN, MAX_PROBE, PROBE_TIMEOUT, advice
 from tcpros.dialled_stream import DialledStream, watch_liveness
 from tcpros.frame import LENGTH_SIZE, control_frame, is_control
 from tcpros.header import header_bytes, header_parser, printable
@@ -38,10 +41,34 @@ class DialledLink(DialledStream):
         self._context = context
         self._owner = owner
         self._hello = hello
+        self._address = address
+        #: size of its TCP segments [bytes]; 0 is the kernel's choice
+        self.segment = context.paths.segment(address)
+        self._is_probing = False
         self._expected = ""
         self._state = LinkState.UNREACHABLE
         self._timer = context.reactor.call_later(context.config.handshake_timeout, self._too_late)
         self.parse = header_parser(self._take_answer)
+
+    def connect(self, host: str, port: int) -> None:
+        """Starts connecting, with the segment size that the path needs; both ends then keep to it."""
+        if self.segment:
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG, self.segment)
+        super().connect(host, port)
+
+    def connected(self) -> None:
+        """Sends the hello, which asks for a probe of the path between two machines."""
+        if self._hello.subject is not Subject.CALL and not self._stays_on_this_machine():
+            full = self._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG)
+            self._hello = dataclasses.replace(self._hello, probe=min(full + MARGIN, MAX_PROBE))
+            self._request = header_bytes(self._hello.fields())
+        super().connected()
+
+    def _stays_on_this_machine(self) -> bool:
+        try:
+            return bool(self._socket.getpeername()[0] == self._socket.getsockname()[0])
+        except OSError:
+            return True  # it has just been closed
 
     def accepted(self, fields: dict[str, str]) -> None:
         """Called with the far relay's welcome."""
@@ -58,7 +85,31 @@ class DialledLink(DialledStream):
         self._owner.link_lost(self._state, f"{self.peer}: {reason or 'it closed the connection'}")
 
     def _too_late(self) -> None:
+        if self._shaking and not self._connecting:
+            # The certificates fill a packet: it may be those that the path swallows.
+            self._context.paths.swallows(self._address, self.segment)
         self.close("no answer in time")
+
+    def _await_probe(self) -> None:
+        """Waits for the rest of the welcome: the small packet in front of it has arrived."""
+        if self._is_probing:
+            raise LinkError("it probes twice")
+        self._is_probing = True
+        self._timer.cancel()
+        self._timer = self._reactor.call_later(PROBE_TIMEOUT, self._probe_lost)
+
+    def _probe_lost(self) -> None:
+        former = self.segment
+        self._context.paths.swallows(self._address, former)
+        following = advice(self._context.paths.segment(self._address))
+        what = f"packets of {former + HEADERS} bytes" if former else "full packets"
+        self._context.logger.warning(
+            "link to %s: small packets arrive, %s do not%s",
+            self.peer,
+            what,
+            f": {following}" if following else "",
+        )
+        self.close(f"small packets arrive, {what} do not: check the MTU on the path")
 
     def _take_answer(self, fields: dict[str, str]) -> None:
         if "error" in fields:
@@ -68,6 +119,8 @@ class DialledLink(DialledStream):
             raise LinkError(f"it does not speak version {VERSION} of the link protocol")
         elif "challenge" in fields:
             self._answer_challenge(fields["challenge"], fields.get("key", ""))
+        elif "probe" in fields:
+            self._await_probe()
         elif self._context.config.keyring and not is_proof(fields.get("proof", ""), self._expected):
             self._state = LinkState.REFUSED
             self.close("it does not prove that it knows our password")

@@ -154,10 +154,18 @@ class ExportEnd(Stream):
         self._ended = ended
 
     def welcome(self, fields: Mapping[str, str]) -> None:
-        """Sends the welcome. It includes our proof of fleet membership if the sink has given its own."""
+        """Sends the welcome. It includes our proof of fleet membership if the sink has given its own.
+
+        If the sink asks for a probe, the welcome fills a whole packet, and a small one goes ahead of it.
+        """
         shown = {"proof": self._proof} if self._proof else {}
         own = self._context.config.gateway
-        self.send(header_bytes({"relay": VERSION, "source_gateway": own, **shown, **fields}))
+        welcome = {"relay": VERSION, "source_gateway": own, **shown, **fields}
+        if self.hello is not None and self.hello.probe:
+            self.send(header_bytes({"relay": VERSION, "probe": str(self.hello.probe)}))
+            missing = self.hello.probe - len(header_bytes(welcome))
+            welcome["padding"] = "." * max(0, missing)
+        self.send(header_bytes(welcome))
 
     def refuse(self, state: LinkState, reason: str) -> None:
         """Refuses the link and closes it."""

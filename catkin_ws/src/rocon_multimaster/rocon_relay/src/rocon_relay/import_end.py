@@ -268,4 +268,5 @@ class ImportEnd(StandingImport):
         self._link.send(control_frame(op=op, demand=str(self._demand)))
 
     def _set_active(self) -> None:
-        self._set(LinkState.RATE_LIMITED if self._limit else LinkState.ACTIVE, self._limit)
+        reason = "; ".join(filter(None, (self._limit, self.path_advice)))
+        self._set(LinkState.RATE_LIMITED if self._limit else LinkState.ACTIVE, reason)

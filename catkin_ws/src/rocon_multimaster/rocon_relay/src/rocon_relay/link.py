@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from rocon_relay.connection import ANY, LinkState, Subject
 from rocon_relay.error import RelayError
 from rocon_relay.option import NO_OPTIONS, LinkOptions, OptionError, options_from_fields
+from rocon_relay.path import MAX_PROBE
 from tcpros.header import header_bytes, printable
 
 VERSION = "2"
@@ -48,6 +49,9 @@ class Hello:
     options: LinkOptions = (
         NO_OPTIONS  #: for a topic, the sink's options; one field for each enabled option
     )
+    probe: int = (
+        0  #: length that the welcome shall have at least [bytes], to check the path; 0 for no check
+    )
 
     def fields(self) -> dict[str, str]:
         """Returns the fields of the connection header."""
@@ -63,6 +67,7 @@ class Hello:
             "nonce": self.nonce,
             "keys": ",".join(self.keys),
             **self.options.fields(),
+            **({"probe": str(self.probe)} if self.probe else {}),
             **{CLIENT + key: value for key, value in self.client},
         }
 
@@ -96,6 +101,7 @@ class Hello:
                 tuple(filter(None, fields["keys"].split(","))),
                 tuple(sorted(client)),
                 options_from_fields(fields),
+                probe_from_field(fields.get("probe", "")),
             )
         except KeyError as error:
             raise LinkError(f"its hello lacks the field {error.args[0]}") from None
@@ -131,6 +137,12 @@ def seconds_from_field(text: str) -> float:
     except ValueError:
         return 0.0
     return seconds if 0 < seconds < LONGEST_ROUND_TRIP else 0.0
+
+
+def probe_from_field(text: str) -> int:
+    """Parses the length of a probe [bytes]; returns 0 if it is invalid or longer than `MAX_PROBE`."""
+    is_number = text.isascii() and text.isdigit() and len(text) <= len(str(MAX_PROBE))
+    return int(text) if is_number and int(text) <= MAX_PROBE else 0
 
 
 def mismatch(wanted_type: str, wanted_md5sum: str, type_: str, md5sum: str) -> str:

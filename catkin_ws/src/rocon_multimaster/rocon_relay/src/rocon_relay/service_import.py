@@ -82,7 +82,7 @@ class ServiceImportEnd(StandingImport):
     def reached(self) -> None:
         """Called when a call has reached the server."""
         if self._state is LinkState.NO_SERVER:
-            self._set(LinkState.ACTIVE, "")
+            self._set(LinkState.ACTIVE, self.path_advice)
 
     def not_reached(self, reason: str) -> None:
         """Called when a call could not reach the server."""

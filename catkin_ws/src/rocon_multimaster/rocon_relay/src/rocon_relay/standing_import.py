@@ -9,6 +9,7 @@ from rocon_relay.connection import ANY, Import, LinkState
 from rocon_relay.context import Context
 from rocon_relay.dialled_link import DialledLink
 from rocon_relay.link import Hello
+from rocon_relay.path import advice
 from rocon_relay.proxy_node import ProxyNode, ProxyNodes
 from tcpros.reactor import Timer
 
@@ -135,6 +136,11 @@ class StandingImport(DialledImport):
         """Registers again, for a restarted master."""
         self.registration.refresh()
 
+    @property
+    def path_advice(self) -> str:
+        """What to do about a path that swallows full packets; "" for any other path."""
+        return advice(self._link.segment) if self._link else ""
+
     def redial(self, reason: str) -> None:
         """Replaces the link by a new one immediately."""
         self._pause.reset()
@@ -159,7 +165,7 @@ class StandingImport(DialledImport):
 
     def shown(self) -> None:
         """Called when the proxy is registered."""
-        self._set(LinkState.ACTIVE, "")
+        self._set(LinkState.ACTIVE, self.path_advice)
 
     def not_shown(self, reason: str) -> None:
         """Called when the master failed to register the proxy."""

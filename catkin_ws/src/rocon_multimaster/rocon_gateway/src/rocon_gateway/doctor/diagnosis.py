@@ -148,7 +148,8 @@ HERE = ""
 
 NO_ANSWER_FIX = (
     "check its log and restart it: it hangs, is another program, or is too old for the doctor; "
-    "a gateway that was just killed disappears from the hub after 2 s"
+    "a gateway that was just killed disappears from the hub after 2 s. If 'rosrun rocon_gateway rules' "
+    "says that full packets do not arrive, set the MTU first"
 )
 
 

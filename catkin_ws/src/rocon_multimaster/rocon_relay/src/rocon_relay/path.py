@@ -1,0 +1,76 @@
+"""Finds paths that swallow large packets, and the TCP segment size that passes nevertheless.
+
+Where the MTU of a path (VPN, tunnel, mixed network cards) is smaller than the devices at its ends know, small packets
+pass and full ones vanish. TCP does not notice: small messages flow, large ones never arrive.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rocon_relay.connection import Address
+
+SEGMENTS = (0, 1200, 500)
+"""TCP segment sizes to try in turn [bytes]; 0 is the kernel's choice. They fit IPv6's and IPv4's smallest MTU."""
+
+HEADERS = 40
+"""Size of the IP and TCP headers in front of a segment [bytes]."""
+
+FORGET = 600.0
+"""How long a smaller segment size is kept before new links try the full one again [s]: the path may have changed."""
+
+PROBE_TIMEOUT = 3.0
+"""How long a full packet may take after the small one in front of it [s]. TCP sends it four times in that time."""
+
+MARGIN = 256
+"""How much longer than a segment a probe is, so that a full packet is part of it [bytes]."""
+
+MAX_PROBE = 9216
+"""Maximum size of a probe [bytes]: a jumbo frame."""
+
+
+@dataclass(slots=True)
+class _Path:
+    index: int  #: of the segment size in `SEGMENTS`
+    since: float  #: when it was chosen [s]
+
+
+class Paths:
+    """The segment sizes for links to other gateways, by their relays' addresses.
+
+    Args:
+        clock: monotonic time [s].
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._paths: dict[Address, _Path] = {}
+
+    def segment(self, address: Address) -> int:
+        """Returns the segment size for a new link [bytes]; 0 for the kernel's choice."""
+        path = self._paths.get(address)
+        if path is not None and self._clock() > path.since + FORGET:
+            del self._paths[address]
+            path = None
+        return SEGMENTS[path.index] if path else 0
+
+    def swallows(self, address: Address, segment: int) -> None:
+        """Records that full packets vanish on a link with this segment size; the next link uses a smaller one.
+
+        After the smallest size the full one is next. Reports of other sizes than the current one are out of date and
+        ignored.
+        """
+        if segment == self.segment(address):
+            index = (SEGMENTS.index(segment) + 1) % len(SEGMENTS)
+            self._paths[address] = _Path(index, self._clock())
+
+
+def advice(segment: int) -> str:
+    """Returns what links with smaller segments say about their path; "" for the kernel's choice."""
+    if not segment:
+        return ""
+    return (
+        "full packets do not arrive on this path, so its links send at most "
+        f"{segment + HEADERS} bytes at once; set the MTU of its devices (ip link set DEV mtu "
+        f"{segment + HEADERS})"
+    )

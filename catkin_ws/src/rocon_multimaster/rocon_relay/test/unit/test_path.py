@@ -1,0 +1,60 @@
+"""The segment sizes for paths that swallow large packets."""
+
+import pytest
+
+from rocon_relay.connection import Address
+from rocon_relay.link import Hello, probe_from_field
+from rocon_relay.path import FORGET, MAX_PROBE, SEGMENTS, Paths, advice
+
+FAR = Address("robot", 4000)
+OTHER = Address("other", 4000)
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_each_loss_of_full_packets_makes_the_segments_of_that_path_smaller() -> None:
+    paths = Paths(Clock())
+    for size in SEGMENTS:
+        assert paths.segment(FAR) == size
+        paths.swallows(FAR, size)
+    assert paths.segment(FAR) == 0, "then the full size is tried again"
+    assert paths.segment(OTHER) == 0
+
+
+def test_several_links_that_fail_together_count_once() -> None:
+    paths = Paths(Clock())
+    for _ in range(5):
+        paths.swallows(FAR, 0)
+    assert paths.segment(FAR) == SEGMENTS[1]
+
+
+def test_a_path_is_tried_with_full_segments_again_after_some_time() -> None:
+    clock = Clock()
+    paths = Paths(clock)
+    paths.swallows(FAR, 0)
+    clock.now = FORGET
+    assert paths.segment(FAR) == SEGMENTS[1]
+    clock.now = FORGET + 1.0
+    assert paths.segment(FAR) == 0
+
+
+def test_the_advice_names_the_mtu() -> None:
+    assert advice(0) == ""
+    assert "mtu 1240" in advice(1200)
+
+
+@pytest.mark.parametrize("text", ["", "x", "-1", "²", "1e3", str(MAX_PROBE + 1), "9" * 5000])
+def test_an_invalid_probe_is_none(text: str) -> None:
+    assert probe_from_field(text) == 0
+
+
+def test_a_probe_is_part_of_the_hello() -> None:
+    hello = Hello("/t", "*", "*", "/n", "a", "b", ("b",), "n", probe=1716)
+    assert Hello.from_fields(hello.fields()).probe == 1716
+    assert "probe" not in Hello("/t", "*", "*", "/n", "a", "b", ("b",), "n").fields()
