@@ -334,6 +334,11 @@ class Round:
         self.masters[here].set_param("/gateway", parameters)
         for name, node in living.items():
             self._start(here, name, node)
+        wait_until(
+            lambda: "/gateway/flip" in self.masters[here].system_state()[2],
+            f"{here}'s gateway on its new master",
+            SETTLED,
+        )
         return f"{here}: the master is killed and starts again, with its nodes"
 
     # Checks
@@ -444,7 +449,10 @@ class Round:
 
     def _wrong_states(self) -> str:
         for here, gateway in self.model.gateways.items():
-            states = self.sites[here].states()
+            try:
+                states = self.sites[here].states()
+            except (ClientError, OSError) as error:
+                return f"{here}'s gateway does not answer: {error}"
             for rule in gateway.rules:
                 if (rule.action, rule.kind) == ("flip", "subscriber") and rule.is_plain:
                     alike = [one for one in gateway.rules if one.action == "flip"]
