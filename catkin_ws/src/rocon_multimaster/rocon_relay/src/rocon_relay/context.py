@@ -1,6 +1,7 @@
 """State shared by the parts of one relay."""
 
 import logging
+import time
 from collections.abc import Callable
 
 from rocon_relay.connection import RelayConfig
@@ -34,7 +35,7 @@ class Context(NodeContext):
             Tls(certificates) if certificates else None
         )  #: encrypts links; None if they are not encrypted
         self.changed = changed  #: must be called when the state of a link has changed
-        self.paths = Paths()  #: the segment sizes for links
+        self.paths = Paths(time.monotonic)  #: the segment sizes for links
         self.round_trips: dict[str, RoundTrips] = {}  #: round trips to other gateways, by name
 
     def round_trip(self, gateway: str, seconds: float) -> None:

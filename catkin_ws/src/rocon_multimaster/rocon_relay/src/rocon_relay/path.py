@@ -4,7 +4,6 @@ Where the MTU of a path (VPN, tunnel, mixed network cards) is smaller than the d
 pass and full ones vanish. TCP does not notice: small messages flow, large ones never arrive.
 """
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -42,7 +41,7 @@ class Paths:
         clock: monotonic time [s].
     """
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         self._paths: dict[Address, _Path] = {}
 
