@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from gateway_msgs import srv
 
 from pioneer_harness.wait import START, wait_until
 
@@ -68,6 +69,25 @@ def test_a_dead_node_bars_no_import_and_a_frozen_one_does(fleet, pair) -> None:
     log = base.log.read_text()
     for node in ("/server", "/robot/talker"):
         assert log.count(f"{node} is registered on this master, but nothing listens") == 1
+
+
+def test_a_killed_gateway_never_counts_as_available_again(fleet) -> None:
+    """The hub keeps its record for a while, longer than the time at which it was lost."""
+    fleet.start_hub(gateway_gone_timeout=2.0, watcher_thread_rate=0.1)
+    base = fleet.site("base").start().connected()
+    robot = fleet.site("robot").start().connected()
+    wait_until(lambda: available(base) == [True], "the robot", 10)
+    os.kill(robot.pid, signal.SIGKILL)
+    wait_until(lambda: available(base) == [False], "its silence", 10)
+    seen = []
+    wait_until(lambda: seen.append(available(base)) or seen[-1] == [], "its removal", 20)
+    assert [True] not in seen
+
+
+def available(site) -> list[bool]:
+    """Returns whether each other gateway on the hub is available."""
+    answer = site.call("remote_gateway_info", srv.RemoteGatewayInfo)
+    return [one.conn_stats.gateway_available for one in answer.gateways]
 
 
 def serve(fleet, site) -> int:

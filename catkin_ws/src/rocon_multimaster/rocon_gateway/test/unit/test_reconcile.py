@@ -349,17 +349,6 @@ def test_a_proxy_never_takes_the_name_of_a_node_that_is_here() -> None:
     assert robot.reason("/a") == "a node /hub/amcl is here already"
 
 
-def test_two_gateways_whose_names_look_alike_to_ros_do_not_share_a_proxy() -> None:
-    robot, one, two = (
-        gateway("robot"),
-        gateway("a b", publisher("/t")),
-        gateway("a_b", publisher("/t")),
-    )
-    robot.book = robot.book.added("flip", [to("a.b", Kind.SUBSCRIBER, "/t")])
-    Fleet(robot, one, two).settle()
-    assert len(robot.outcome.imports) == 1
-
-
 def test_options_go_to_the_links_that_they_mean_at_either_end() -> None:
     hub = gateway("hub", publisher("/image"), publisher("/map"))
     robot = gateway("robot", subscriber("/image"))
@@ -507,3 +496,15 @@ def test_one_living_publisher_of_several_bars_another_type() -> None:
     hub.dead = frozenset({"/a"})
     fleet_of(hub, robot)
     assert hub.states() == {"flip /chatter": State.TYPE_MISMATCH}
+
+
+def test_gateways_whose_names_differ_in_punctuation_have_proxies_of_their_own() -> None:
+    here = gateway("here")
+    here.book = here.book.added("flip", [to("pi.*", Kind.SUBSCRIBER, "/chatter")])
+    others = [gateway(name, publisher("/chatter")) for name in ("pi-1", "pi_1", "pi.1", "pi-2")]
+    Fleet(here, *others).settle()
+    proxies = {one.source_gateway: one.proxy for one in here.outcome.imports}
+    assert len(set(proxies.values())) == 4
+    assert proxies["pi_1"] == "/pi_1/talker"
+    assert proxies["pi-2"] == "/pi_2/talker", "alone, a name needs no suffix"
+    assert proxies["pi-1"].startswith("/pi_1_")

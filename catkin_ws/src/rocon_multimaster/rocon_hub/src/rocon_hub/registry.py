@@ -28,6 +28,10 @@ return 1
 """A full Redis rejects the time of loss and any transaction; this script publishes the event anyway."""
 
 
+LOST_MARGIN = 60.0
+"""How much longer than the record the time of loss is kept, as records are deleted only now and then [s]."""
+
+
 class Registry:
     """Maintains the hub's keys in Redis. Times are monotonic [s].
 
@@ -76,7 +80,7 @@ class Registry:
 
         An "expired" after its "joined" would make the others drop a live gateway permanently.
         """
-        since = int(time.time()), int(self._patience) + 1
+        since = int(time.time()), int(self._patience + LOST_MARGIN)
         event = json.dumps({"gateway": name, "event": "expired"})
         return bool(
             self._client.eval(

@@ -8,6 +8,7 @@ Services and parameters work in the same way.
 """
 
 import enum
+import hashlib
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -122,6 +123,8 @@ class Import:
     allowed_nodes: tuple[str, ...] = ()
     options: LinkOptions = NO_OPTIONS  #: link options of our rules, applied by the source
     subject: Subject = Subject.TOPIC  #: topic, service or parameter
+    #: name of that gateway in the proxy's name, if its own name cannot be used; see `aliases`
+    alias: str = ""
 
     @property
     def key(self) -> Key:
@@ -131,7 +134,7 @@ class Import:
     @property
     def proxy(self) -> str:
         """The name of the proxy node on our master."""
-        return proxy_name(self.source_gateway, self.source_node)
+        return proxy_name(self.alias or self.source_gateway, self.source_node)
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,10 +219,29 @@ def proxy_name(gateway: str, node: str) -> str:
     Characters not allowed in ROS names (spaces, dots, hyphens) become underscores. A name that would begin with a
     digit or an underscore gets the prefix `g`.
     """
+    return f"/{_proxy_base(gateway)}/{node.lstrip('/')}"
+
+
+def _proxy_base(gateway: str) -> str:
     base = re.sub(r"[^A-Za-z0-9_]", "_", gateway)
-    if not base[:1].isalpha():
-        base = "g" + base
-    return f"/{base}/{node.lstrip('/')}"
+    return base if base[:1].isalpha() else "g" + base
+
+
+def aliases(gateways: Iterable[str]) -> dict[str, str]:
+    """Returns other names for the gateways whose names would make the same proxy names: `pi-1` and `pi_1`.
+
+    A gateway whose name is a ROS name keeps it. The others get a suffix that depends on their name only.
+    """
+    by_base: dict[str, list[str]] = {}
+    for gateway in gateways:
+        by_base.setdefault(_proxy_base(gateway), []).append(gateway)
+    return {
+        gateway: f"{base}_{hashlib.sha256(gateway.encode()).hexdigest()[:4]}"
+        for base, alike in by_base.items()
+        if len(alike) > 1
+        for gateway in alike
+        if gateway != base
+    }
 
 
 def proxy_uri(host: str, port: int, gateway: str) -> str:

@@ -255,7 +255,12 @@ class ExportEnd(Stream):
             self._context.changed()
 
     def _too_late(self) -> None:
-        self.close("malformed: it did not introduce itself in time")
+        # Not malformed: the connection may have been cut after it was accepted.
+        timeout = self._context.config.handshake_timeout
+        self._context.logger.warning(
+            "link from %s: it did not introduce itself within %g s", self.peer, timeout
+        )
+        self.close("timed out: it did not introduce itself")
 
     def _parse_first(self, data: memoryview) -> int:
         if self._tls is None and begins_tls(data):

@@ -32,6 +32,7 @@ class ProxyNode:
         self.name = name  #: its name
         self.topics: dict[str, Topic] = {}  #: its topics by name
         self.services: dict[str, Offered] = {}  #: its services by name
+        self._logger = context.logger
         config = context.config
         self._port = NodePort(context, name, self.topics, self.services)
         self.service_uri = (
@@ -39,10 +40,14 @@ class ProxyNode:
         )
         self.uri = proxy_uri(config.host, self._port.number, config.gateway)  #: its XML-RPC URI
         self._port.api.uri = self.uri
-        self._port.api.shut_down = lambda _reason: (
-            f"{name} is shown by a gateway; take back its rule there to end it"
-        )
+        self._port.api.shut_down = self._refuse_to_end
         self._port.open()
+
+    def _refuse_to_end(self, reason: str) -> str:
+        """Returns why it does not end; logs it, because `rosnode kill` reports a success whatever a node answers."""
+        refusal = f"{self.name} is shown by a gateway; take back its rule there to end it"
+        self._logger.warning("asked to shut down (%s): %s", reason, refusal)
+        return refusal
 
     def close(self) -> None:
         """Closes its port and all its connections."""

@@ -185,7 +185,9 @@ class TcpRelay:
 
     def _want(self, name: Key, wanted: Import) -> None:
         end = self._imports.get(name)
-        if end is not None:
+        if end is not None and end.wanted.proxy != wanted.proxy:
+            self._retire(name)
+        elif end is not None:
             if end.wanted != wanted:
                 end.replace(wanted)
             return

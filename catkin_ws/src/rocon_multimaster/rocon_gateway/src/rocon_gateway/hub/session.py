@@ -309,17 +309,22 @@ class HubSession:
             self.client.delete(kept_key(self.name))
 
     def describe(self, names: Collection[str]) -> list[Description]:
-        """Returns what the hub knows of `names`, or of all others if empty; skips unknown names. For any thread."""
+        """Returns what the hub knows of `names`, or of all others if empty; skips unknown names. For any thread.
+
+        Only a heartbeat makes a gateway alive. The time of loss proves nothing: the hub writes it later than the last
+        heartbeat expires, and it expires itself.
+        """
         names = sorted(names or self.client.smembers(GATEWAYS_KEY) - {self.name})
         found = self.records(names)
         records = {name: one for name, one in found.items() if isinstance(one, Record)}
         if not records:
             return []
-        since = self.client.mget([lost_key(name) for name in records])
+        alive = self.client.mget([alive_key(name) for name in records])
+        lost = self.client.mget([lost_key(name) for name in records])
         now = self.client.time()[0]
         return [
-            Description(record, max(0.0, now - int(lost)) if lost and lost.isdecimal() else 0.0)
-            for record, lost in zip(records.values(), since, strict=True)
+            Description(record, 0.0 if is_alive else _silence(since, now))
+            for record, is_alive, since in zip(records.values(), alive, lost, strict=True)
         ]
 
     def leave(self) -> None:
@@ -352,6 +357,16 @@ def event_from_message(message: Mapping[str, Any]) -> tuple[str, str] | None:
     if message["type"] == "subscribe":
         return message["channel"], message["channel"].removeprefix(record_key(""))
     return None
+
+
+def _silence(lost: str | None, now: int) -> float:
+    """Returns how long a gateway has been silent [s], at least as long as a heartbeat lasts.
+
+    Args:
+        lost: when the hub noticed it, in seconds since the epoch; None if it is not known.
+        now: the hub's time, likewise.
+    """
+    return max(ALIVE, now - int(lost)) if lost and lost.isdecimal() else ALIVE
 
 
 def _refusal(error: redis.RedisError) -> str:

@@ -1,6 +1,7 @@
 """Collects the decisions of one `reconcile`: exports, imports, requests, and the state of each import."""
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -11,7 +12,7 @@ from rocon_gateway.rules.option_rule import OptionRule, rule_for
 from rocon_gateway.rules.situation import Remote, Situation, State, Verdict
 from rocon_hub_protocol.record import NO_REQUEST, Offer, PeerRequest, Purpose, Reply, Want
 from rocon_hub_protocol.rule import Connection, Kind
-from rocon_relay.connection import ANY, Address, Export, Import, Key, Subject
+from rocon_relay.connection import ANY, Address, Export, Import, Key, Subject, aliases
 from rocon_relay.option import NO_OPTIONS
 
 PendingVerdict = Callable[[], Verdict]
@@ -41,6 +42,7 @@ class Decision:
             if connection.kind == Kind.PUBLISHER and connection.type != ANY:
                 self._published_types[connection.name] = connection.type
                 self._publishers_here.setdefault(connection.name, set()).add(connection.node)
+        self._aliases = aliases_of(frozenset((*situation.names, *situation.remotes)))
         self._nodes_here = {one.node for one in situation.local}
         self._servers_here = {
             one.name: one.node for one in situation.local if one.kind == Kind.SERVICE
@@ -154,6 +156,7 @@ class Decision:
             connection.node,
             _address(other),
             options=options,
+            alias=self._aliases.get(gateway, ""),
         )
         clash = self._clash(wanted)
         if clash:
@@ -176,7 +179,16 @@ class Decision:
         A service name has only one server. A local server has priority; of several remote ones, the current one stays.
         """
         node, address = connection.node, _address(other)
-        wanted = Import(connection.name, ANY, ANY, gateway, node, address, subject=Subject.SERVICE)
+        wanted = Import(
+            connection.name,
+            ANY,
+            ANY,
+            gateway,
+            node,
+            address,
+            subject=Subject.SERVICE,
+            alias=self._aliases.get(gateway, ""),
+        )
         clash = self._service_clash(wanted)
         if clash:
             return always(Verdict(State.REFUSED, clash))
@@ -250,6 +262,12 @@ class Decision:
             return self._imports[key]
         # Sorted, so that the order of the rules does not change the import.
         return dataclasses.replace(self._imports[key], allowed_nodes=tuple(sorted(nodes)))
+
+
+@functools.lru_cache(maxsize=8)
+def aliases_of(gateways: frozenset[str]) -> dict[str, str]:
+    """Returns `aliases`, cached because the gateways seldom change."""
+    return aliases(gateways)
 
 
 def always(said: Verdict) -> PendingVerdict:
