@@ -125,7 +125,9 @@ class GazeboNode:
             config.odometry_scale,
         )
         self._simulation.spawn_search = config.spawn_search
-        self._simulation.load(replace(world, models=tuple(map(with_controllers, world.models))))
+        models = tuple(with_controllers(model) for model in world.models)
+        for line in self._simulation.load(replace(world, models=models)):
+            rospy.logwarn("%s: %s", path, line)
         self._timeline = Timeline(
             self._simulation,
             mailbox,

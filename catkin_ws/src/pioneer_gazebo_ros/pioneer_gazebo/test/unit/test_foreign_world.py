@@ -7,6 +7,9 @@ import pytest
 
 from pioneer_gazebo.commands import world_to_map
 from pioneer_gazebo.commands.raster import FREE, OCCUPIED
+from pioneer_gazebo.physics.bullet import BulletEngine
+from pioneer_gazebo.physics.engine import Physics
+from pioneer_gazebo.simulation.simulation import Simulation
 from pioneer_gazebo.world.mesh import triangles_of_mesh
 from pioneer_gazebo.world.model import Box, Mesh, World
 from pioneer_gazebo.world.resource import file_of_uri
@@ -166,3 +169,52 @@ def test_a_mesh_on_its_side_in_collada_stands_as_in_gazebo(tmp_path: Path) -> No
     (found,) = load(tmp_path, inner).collisions()
     assert isinstance(found.collision.shape, Mesh)
     np.testing.assert_allclose(triangles_of_mesh(found.collision.shape).max(axis=(0, 1)), (1, 0, 2))
+
+
+CRATE = """<model name='{0}'>{1}<link name='link'><inertial><mass>1</mass></inertial>{2}
+<collision name='c'><geometry><box><size>1 1 1</size></box></geometry></collision></link></model>"""
+MISSING = "<include><uri>model://a_model_that_nobody_has</uri></include>"
+FLAT = """<collision name='flat'><geometry><mesh><uri>flat.obj</uri><scale>1 0 0</scale></mesh>
+</geometry></collision>"""
+LOST = "<state world_name='w'><model name='a'><pose>0 0 -2e6 0 0 0</pose></model></state>"
+HUGE = CRATE.replace("1 1 1", "1e9 1 1")
+
+
+@pytest.mark.parametrize(
+    ("content", "models", "warning"),
+    [
+        (CRATE.format("a", MISSING, ""), ["a"], "a_model_that_nobody_has is not found"),
+        (f"<model name='hollow'>{MISSING}</model>", [], "the model has no links and is left out"),
+        ("<model name='hollow'/>", [], "the model has no links and is left out"),
+        (CRATE.format("a", "", FLAT), ["a"], "must not be 0, not '1 0 0'"),
+        (CRATE.format("a", "<static>1</static>", FLAT), ["a"], "must not be 0, not '1 0 0'"),
+        (CRATE.format("a", "", "") + LOST, [], "position must be finite"),
+        (CRATE.format("a", "<static>1</static>", "") + LOST, [], "position must be finite"),
+        (HUGE.format("a", "<static>1</static>", ""), [], "size of collision c must be"),
+        (HUGE.format("a", "", ""), [], "size of collision c must be"),
+        (
+            CRATE.format("a", "<model name='b'><link name='l'><pose>1 2</pose></link></model>", ""),
+            ["a"],
+            "<pose>",
+        ),
+    ],
+)
+def test_a_detail_of_a_world_costs_the_smallest_thing_around_it(
+    tmp_path: Path, content: str, models: list[str], warning: str
+) -> None:
+    """Everything else of the world is loaded, and a line says what is left out."""
+    (tmp_path / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    file = tmp_path / "w.world"
+    other = CRATE.format("other", "<pose>5 5 0.5 0 0 0</pose>", "")
+    file.write_text(
+        f"<!-- saved --><?xml version='1.0'?>"
+        f"<sdf version='1.6'><world name='w'>{FLOOR}{content}{other}</world></sdf>"
+    )
+    world = world_from_sdf(file, [])
+    engine = BulletEngine(Physics())
+    simulation = Simulation(engine, triangles_of_mesh, Physics())
+    refused = simulation.load(world)
+    assert set(simulation.names()) == {"ground_plane", "other", *models}
+    assert any(warning in line for line in (*world.warnings, *refused)), (world.warnings, refused)
+    simulation.advance(120)
+    engine.close()

@@ -139,7 +139,7 @@ def test_nested_model_becomes_links_of_the_outer_one():
 
 
 def test_models_of_the_same_name_are_numbered():
-    loaded = world(model("") + model("") + model(""))
+    loaded = world(model("<link name='l'/>") * 3)
     assert [m.name for m in loaded.models] == ["m", "m_0", "m_1"]
     assert len(loaded.warnings) == 1
 

@@ -140,7 +140,7 @@ def test_unknown_plugins_and_elements_are_named_once():
 def test_what_makes_no_sense_beside_links_and_joints_is_left_out_with_file_and_element(
     extra, message
 ):
-    """Gazebo goes on without it, too: the robot stands and has everything else."""
+    """As in Gazebo, the robot has everything else."""
     other = '<gazebo><plugin name="p" filename="libgazebo_ros_planar_move.so"/></gazebo>'
     robot = cart(extra + other)
     [warning] = robot.warnings

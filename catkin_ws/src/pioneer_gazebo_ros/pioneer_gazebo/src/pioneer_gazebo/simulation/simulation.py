@@ -6,6 +6,7 @@ the current tick by less than a step, and commands take effect from the next ste
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -47,6 +48,15 @@ from pioneer_gazebo.world.section import Triangles
 
 LONGEST_NAME = 200
 """Maximum length of a model name [characters]."""
+
+
+@contextmanager
+def _collected(lines: list[str]) -> Iterator[None]:
+    """Turns a SimulatorError raised in the block into a line that the model is left out."""
+    try:
+        yield
+    except SimulatorError as error:
+        lines.append(f"{error}; the model is left out")
 
 
 class Simulation:
@@ -104,16 +114,22 @@ class Simulation:
         self.physics = physics
         self._engine.configure(physics)
 
-    def load(self, world: World) -> None:
-        """Adds all models of a world.
-
-        Raises:
-            SimulatorError: a model cannot be created.
-        """
-        self._standing.add(*(model for model in world.models if model.static))
+    def load(self, world: World) -> list[str]:
+        """Adds the models of a world; returns a line for each that cannot be simulated and is left out."""
+        static = [model for model in world.models if model.static]
+        refused: list[str] = []
+        try:
+            self._standing.add(*static)
+        except SimulatorError:
+            # One by one takes long in a large world, so only if a model is invalid.
+            for model in static:
+                with _collected(refused):
+                    self._standing.add(model)
         for model in world.models:
             if not model.static:
-                self.add_model(model, anywhere=True)
+                with _collected(refused):
+                    self.add_model(model, anywhere=True)
+        return refused
 
     # Models.
 

@@ -38,9 +38,10 @@ class Notes:
 
 
 def _repaired(data: bytes) -> bytes:
-    """Returns the document with every bare ``&`` escaped, and without an XML declaration preceded by whitespace."""
-    if data[:1].isspace():
-        data = re.sub(rb"<\?xml[^>]*\?>", b"", data, count=1)
+    """Returns the document with every bare ``&`` escaped, and without an XML declaration that is not at its start."""
+    start = data[:5]
+    if start != b"<?xml":
+        data = re.sub(rb"<\?xml\s[^>]*\?>", b"", data, count=1)
     return re.sub(rb"&(?!#?\w+;)", b"&amp;", data)
 
 
@@ -56,7 +57,7 @@ class Element:
     def from_text(cls, text: str | bytes, source: str, notes: Notes | None = None) -> Self:
         """Returns the root element of a document. External entities are not resolved.
 
-        As in Gazebo, whitespace before the XML declaration and a bare ``&`` are accepted, with a note.
+        As in Gazebo, whitespace or a comment before the XML declaration and a bare ``&`` are accepted, with a note.
 
         Raises:
             DescriptionError: the text is not well-formed XML.

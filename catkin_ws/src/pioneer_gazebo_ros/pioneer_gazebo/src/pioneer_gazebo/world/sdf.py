@@ -115,7 +115,9 @@ def _world(element: Element, scope: Scope) -> World:
                 model = _MODELS[child.tag](child, frames, scope)
         elif child.tag not in WORLD_QUIET:
             scope.notes.add(f"<{child.tag}> in <world> is not supported and left out")
-        if model is not None:
+        if model is not None and not model.links and model.script is None:
+            child.note(scope.notes, "the model has no links and is left out")
+        elif model is not None:
             name = _unused(model.name, models, scope)
             models[name] = _without_planes(dataclasses.replace(model, name=name), scope)
     placed = []
@@ -225,15 +227,18 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
     static = element.flag("static")
     for child in element.children():
         if child.tag == "link":
-            links.append(link_from_sdf(child, frames.pose(child), scope))
+            with scope.leaving_out():
+                links.append(link_from_sdf(child, frames.pose(child), scope))
         elif child.tag == "joint":
             continue
         elif child.tag in ("model", "include"):
-            nested = (
-                _model(child, scope, depth)
-                if child.tag == "model"
-                else _include(child, frames, scope, depth)
-            )
+            nested = None
+            with scope.leaving_out():
+                nested = (
+                    _model(child, scope, depth)
+                    if child.tag == "model"
+                    else _include(child, frames, scope, depth)
+                )
             if nested is not None:
                 nested = (
                     dataclasses.replace(nested, pose=frames.pose(child))
@@ -253,7 +258,7 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
     for child in element.children("joint"):
         with scope.leaving_out():
             joints.append(joint_from_sdf(child, poses, frames, scope))
-    tree, closing = tree_of(poses, joints) if joints else ((), ())
+    tree, closing = tree_of(poses, joints) if joints and links else ((), ())
     for joint in closing:
         scope.notes.add(
             f"joint {joint} of model {name} closes a kinematic loop, which is not supported; it is ignored"

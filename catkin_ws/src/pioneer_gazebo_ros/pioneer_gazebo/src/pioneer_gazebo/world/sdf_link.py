@@ -201,7 +201,12 @@ def _mesh(element: Element, scope: Scope) -> Mesh | None:
     if path is None:
         scope.notes.add(f"mesh {uri.text} is not found and left out")
         return None
-    return Mesh(str(path), (1.0, 1.0, 1.0) if scale is None else scale.vector())
+    if scale is None:
+        return Mesh(str(path))
+    factors = scale.vector()
+    if 0.0 in factors:
+        raise scale.error(f"must not be 0, not {scale.text!r}")
+    return Mesh(str(path), factors)
 
 
 def _colour(element: Element) -> Colour:

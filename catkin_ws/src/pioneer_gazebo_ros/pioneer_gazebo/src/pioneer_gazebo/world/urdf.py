@@ -307,7 +307,7 @@ def _poses_in_root(
 def read_extensions(root: Element, notes: Notes) -> Extensions:
     """Returns the content of a ``<robot>``'s ``<gazebo>`` elements.
 
-    As in Gazebo, an element that is invalid, or that refers to an absent link or joint, is left out. A note says so.
+    As in Gazebo, an element that is invalid, or that refers to an absent link or joint, is left out, with a note.
     """
     extensions = Extensions()
     names = Names(
