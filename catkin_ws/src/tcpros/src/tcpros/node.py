@@ -298,7 +298,19 @@ class Node:
         """Repeats all registrations at a restarted master. Failures are ignored; the caller may call this again."""
 
         def call(method: str, *arguments: str, done: Callable[[Any], object] = _ignore) -> None:
-            self._context.master.call(method, (self.name, *arguments), done, _ignore)
+            self._unanswered += 1
+            self._in_flight += 1
+            self._context.master.call(
+                method, (self.name, *arguments), partial(answered, done), partial(answered, _ignore)
+            )
+
+        # What is withdrawn meanwhile is unregistered afterwards: see `_unregister_withdrawn`.
+        def answered(done: Callable[[Any], object], value: Any) -> None:
+            self._in_flight -= 1
+            self._unregister_when_answered()
+            if not self._is_closing:
+                done(value)
+                self._answered(1)
 
         for topic, publication in self._published.items():
             call("registerPublisher", topic, publication.type, self.uri)

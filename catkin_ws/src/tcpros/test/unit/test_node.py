@@ -100,6 +100,37 @@ def test_a_node_that_ends_while_it_registers_does_not_stay_registered(
     assert master.executed == ["registerPublisher", "unregisterPublisher"]
 
 
+def test_a_node_that_ends_while_it_registers_again_does_not_stay_registered(
+    master: SlowMaster, context: NodeContext
+) -> None:
+    node = Node(context, "/one", lambda _: None)
+    node.publish("/words", String)
+
+    def end() -> None:
+        node.register_again()
+        node.close(context.reactor.stop)
+
+    node.when_registered(end)
+    run_for(context)
+    assert master.executed == ["registerPublisher", "registerPublisher", "unregisterPublisher"]
+
+
+def test_a_topic_that_is_withdrawn_while_it_registers_again_does_not_stay_registered(
+    master: SlowMaster, context: NodeContext
+) -> None:
+    node = Node(context, "/one", lambda _: None)
+    node.publish("/words", String)
+
+    def withdraw() -> None:
+        node.register_again()
+        node.unpublish("/words")
+        node.when_registered(lambda: node.close(context.reactor.stop))
+
+    node.when_registered(withdraw)
+    run_for(context)
+    assert master.executed == ["registerPublisher", "registerPublisher", "unregisterPublisher"]
+
+
 def test_a_subscription_that_ends_while_it_registers_does_not_stay(
     master: SlowMaster, context: NodeContext
 ) -> None:

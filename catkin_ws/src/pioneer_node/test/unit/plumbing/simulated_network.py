@@ -131,8 +131,10 @@ class SimulatedSocket:
         self._unread = 0  # bytes on their way to us or unread
         self._last_arrival = 0.0
         self._ended_at = float("inf")  # when the peer's end arrives
-        self._capacity = network.drawn.choice((1500, 20_000, 200_000, 4_000_000))
-        self._latency = network.drawn.choice((0.0, 0.0001, 0.002, 0.05))
+        # Together, at least 4 MB/s.
+        self._capacity, self._latency = network.drawn.choice(
+            ((1500, 0.0), (1500, 0.0001), (20_000, 0.002), (200_000, 0.05), (4_000_000, 0.05))
+        )
         self.is_closed = False
 
     # What the modules under test call
@@ -146,6 +148,7 @@ class SimulatedSocket:
     def getsockopt(self, _level: int, option: int, size: int = 0) -> Any:
         """Returns the pending error; no information otherwise."""
         if option == socket.SO_ERROR:
+            self._connecting_until = -1.0
             return self._error
         return b"" if size else 0
 
@@ -251,7 +254,6 @@ class SimulatedSocket:
         if self._connecting_until >= 0:
             if now < self._connecting_until:
                 return 0
-            self._connecting_until = -1.0
             return _OUT | (_ERR if self._error else 0)
         if self._reset_at <= now:
             return _IN | _OUT | _ERR
