@@ -16,7 +16,10 @@ pytest.importorskip("cyclonedds", reason="the door to ROS 2 is not installed")
 HERE = Path(__file__).parent
 ROOT = Path(__file__).resolve().parents[5]
 PEER = ROOT / ".setup" / "ros2-peer" / "bin" / "python3"
-STOP = ROOT / "catkin_ws" / "src" / "pioneer_ros2" / "test" / "e2e" / "stop.py"
+DOOR_TESTS = ROOT / "catkin_ws" / "src" / "pioneer_ros2" / "test" / "e2e"
+STOP = DOOR_TESTS / "stop.py"
+VELOCITIES = DOOR_TESTS / "peer.py"
+NAV2_FLEET = "robots: [{name: pioneer1, navigation: none}, {name: pioneer2}]"
 START_UP, DRIVE = 120.0, 90.0
 GOALS = {"pioneer1": (3.5, -3.0), "pioneer2": (-2.5, -0.5)}
 ARRIVED = 0.5
@@ -113,3 +116,27 @@ def test_two_robots_arrive_at_goals_of_rclpy_and_a_stop_of_ros_2_holds_them(
     wait_until(stands, "pioneer1 held", DRIVE)
     held_at = back.newest("pioneer1")["true"]
     assert math.dist(held_at, GOALS["pioneer2"]) > ARRIVED, "it was held under way"
+
+
+def test_a_robot_without_navigation_is_driven_by_stamped_velocities_of_ros_2(
+    start, domain, processes, tmp_path
+):
+    file = tmp_path / "nav2_fleet.yaml"
+    file.write_text(NAV2_FLEET)
+    fleet = start("--fleet", file, "--world", "small_world", "--ros2", command="fleet")
+    fleet.await_words("2 robots are ready in small_world", START_UP)
+    watcher = Driver({"pioneer1": GOALS["pioneer1"]}, tmp_path / "watcher.log")
+    processes.callback(watcher.end)
+    wait_until(lambda: watcher.newest("pioneer1").get("true"), "its true position", DRIVE)
+    began = watcher.newest("pioneer1")["true"]
+    log = processes.enter_context((tmp_path / "velocities.log").open("wb"))
+    command = [str(PEER), str(VELOCITIES), "stamped"]
+    velocities = subprocess.Popen(command, env=alone(), stdout=log, stderr=log)
+    processes.callback(velocities.wait)
+    processes.callback(velocities.kill)
+
+    def has_moved():
+        return math.dist(watcher.newest("pioneer1")["true"], began) > ARRIVED
+
+    wait_until(has_moved, "pioneer1 under way", DRIVE)
+    assert watcher.newest("pioneer1")["believed"] is None, "there is no amcl"
