@@ -69,6 +69,25 @@ def test_a_gateway_that_has_no_descriptor_for_a_hub_joins_it_once_there_is_one(
     )
 
 
+def test_reasons_that_alternate_are_logged_once_each(caplog: pytest.LogCaptureFixture) -> None:
+    """A hub that slows guesses down answered BUSY and "wrong password" in turn: two lines for each attempt."""
+    caplog.set_level(logging.INFO)
+    made = Hubs(
+        HubsConfig(),
+        Record("a", "1", "127.0.0.1", 9),
+        lambda: (),
+        lambda: None,
+        logging.getLogger("test"),
+        Examiner().asked,
+    )
+    for _ in range(20):
+        for reason in ("the hub is BUSY", "wrong password"):
+            made._context.complain("192.168.2.100:6380", reason)
+    made.shutdown()
+    assert caplog.text.count("the hub is BUSY; retrying") == 1
+    assert caplog.text.count("wrong password; retrying") == 1
+
+
 @pytest.mark.parametrize(
     ("sighting", "config", "joined"),
     [

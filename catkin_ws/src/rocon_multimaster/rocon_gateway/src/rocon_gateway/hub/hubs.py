@@ -32,8 +32,8 @@ PATIENCE = 10.0
 MOST_FOUND = 16
 """Maximum number of announced hubs joined or tried at once, one thread each; beyond it, unresponsive ones give way."""
 
-MOST_COMPLAINTS = 256
-"""Number of addresses whose last log line is remembered, to avoid repetition; beyond it, the memory is cleared."""
+MOST_COMPLAINTS, MOST_REASONS = 256, 16
+"""Addresses, and reasons for each, that were logged and are not repeated; beyond these numbers they are forgotten."""
 
 _SEARCH = "looking for a hub by mDNS; to name one: gateway_hub_uri:=http://HOST:6380 or the service ~connect_hub"
 _NO_SEARCH = "no hub_uri is given and mDNS is off: waiting for a call of ~connect_hub"
@@ -104,7 +104,7 @@ class Hubs:
         self._hubs: list[HubClient] = []
         self._claims: dict[str, HubClient] = {}
         self._refused: set[tuple[Candidate, ...]] = set()
-        self._complaints: dict[object, str] = {}
+        self._complaints: dict[object, set[str]] = {}
         self._distant_reported = False
         self._stopping = False
         self._woken = threading.Event()
@@ -256,13 +256,16 @@ class Hubs:
         self._on_change()
 
     def _complain(self, about: object, complaint: str) -> None:
-        """Logs why there is no hub: once, until the reason changes or a hub was found."""
+        """Logs why there is no hub: each reason once, also if several alternate, until a hub was found."""
         with self._changed:
-            known = self._complaints.get(about)
-            if len(self._complaints) >= MOST_COMPLAINTS:
+            if about not in self._complaints and len(self._complaints) >= MOST_COMPLAINTS:
                 self._complaints.clear()
-            self._complaints[about] = complaint
-        if complaint != known:
+            known = self._complaints.setdefault(about, set())
+            is_new = complaint not in known
+            if len(known) >= MOST_REASONS:
+                known.clear()
+            known.add(complaint)
+        if is_new:
             self._logger.info("%s; retrying", complaint)
 
     # mDNS search
