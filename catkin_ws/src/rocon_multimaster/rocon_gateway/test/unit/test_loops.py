@@ -227,6 +227,39 @@ def test_a_hubs_thread_survives_an_exception_of_every_call_it_makes(
     os.close(writer)
 
 
+def test_a_server_that_lets_us_join_and_then_answers_badly_counts_as_failing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Sixteen of them once kept all announced hubs out for good, since each visit began with a success."""
+    monkeypatch.setattr(hub_client, "RETRY", 0.001)
+    reader, writer = os.pipe()
+
+    def open_session(_way: Candidate) -> Any:
+        session = InjectedSession(Injector(0), reader)
+        session.live = Injector(1).of()
+        return session
+
+    context = HubContext(
+        open=open_session,
+        claim=lambda _hub, _session: None,
+        linked=lambda: (),
+        take=lambda _hub, _view: None,
+        complain=lambda _about, _why: None,
+        examine=lambda _session, _request: None,
+        logger=logging.getLogger("loops"),
+        host="127.0.0.1",
+    )
+    way = Candidate(HubAddress("127.0.0.1", 1))
+    hub = HubClient([way], False, Publication(RECORD, {}, frozenset()), context)
+    tried = hub.lost_since
+    wait_until(lambda: hub.failures > 2, "failed visits", PATIENCE)
+    assert hub.lost_since == tried
+    hub.stop()
+    hub.join()
+    os.close(reader)
+    os.close(writer)
+
+
 def test_the_search_for_hubs_survives_exceptions(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hubs_module, "RETRY", 0.001)
     injectors = [Injector(1), Injector(2), Injector(3)]

@@ -12,6 +12,10 @@ from rocon_relay.link import Hello
 from rocon_relay.path import advice
 from rocon_relay.proxy_node import ProxyNode, ProxyNodes
 from tcpros.reactor import Timer
+from tcpros.xmlrpc_client import NoAnswer
+
+UNREGISTER_ATTEMPTS = 3
+"""Number of attempts to unregister at a master that does not answer; afterwards a dead entry may stay there."""
 
 CLOSE_AFTER = 0.5
 """Delay between an unregistration and closing the users, if the master does not answer earlier [s]."""
@@ -203,6 +207,7 @@ class Registration:
         self._shall_show = False
         self._must_hide = False
         self._must_repeat = False
+        self._unregister_attempts = 0
         self._pause = context.pause()
         self._retry: Timer | None = None
 
@@ -242,7 +247,8 @@ class Registration:
             self._register()
         elif self._phase is _Phase.PRESENT and self._must_hide and self._node is not None:
             self._phase = _Phase.UNREGISTERING
-            self._call(*self._owner.unregistering(self._node), self._unregistered)
+            self._unregister_attempts = 0
+            self._unregister()
 
     def _hidden(self) -> None:
         self._must_hide = False
@@ -293,6 +299,15 @@ class Registration:
         self._retry = None
         self._step()
 
-    def _unregistered(self, _reason: str) -> None:
+    def _unregister(self) -> None:
+        assert self._node is not None, "it was registered"
+        self._unregister_attempts += 1
+        self._call(*self._owner.unregistering(self._node), self._unregistered)
+
+    def _unregistered(self, reason: str) -> None:
+        if isinstance(reason, NoAnswer) and self._unregister_attempts < UNREGISTER_ATTEMPTS:
+            self._context.reactor.call_later(self._pause.take(), self._unregister)
+            return
+        self._pause.reset()
         self._phase = _Phase.ABSENT
         self._step()

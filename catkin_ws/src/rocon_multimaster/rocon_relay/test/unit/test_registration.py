@@ -6,7 +6,8 @@ from typing import Any
 import pytest
 
 from rocon_relay.connection import ANY, Address, Import
-from rocon_relay.standing_import import Registration
+from rocon_relay.standing_import import UNREGISTER_ATTEMPTS, Registration
+from tcpros.xmlrpc_client import NoAnswer
 
 
 class FakeMaster:
@@ -143,4 +144,33 @@ def test_a_registration_that_shall_end_is_not_refreshed(
     registration.hide()
     assert context.master.answer() == "registerPublisher"
     assert context.master.answer() == "unregisterPublisher"
+    assert not context.master.calls
+
+
+def test_an_unregistration_without_an_answer_is_repeated_some_times(
+    context: FakeContext, registration: Registration
+) -> None:
+    """The master's answer or the call itself was lost, and a dead proxy stayed registered."""
+    registration.show()
+    context.master.answer()
+    registration.hide()
+    context.reactor.timers.clear()
+    for _ in range(UNREGISTER_ATTEMPTS - 1):
+        assert context.master.answer(NoAnswer("lost")) == "unregisterPublisher"
+        assert not context.master.calls
+        context.reactor.timers.pop()()
+    assert context.master.answer(NoAnswer("lost")) == "unregisterPublisher"
+    assert not context.reactor.timers
+    assert not context.master.calls
+
+
+def test_a_refused_unregistration_is_not_repeated(
+    context: FakeContext, registration: Registration
+) -> None:
+    registration.show()
+    context.master.answer()
+    registration.hide()
+    context.reactor.timers.clear()
+    context.master.answer("it is not registered")
+    assert not context.reactor.timers
     assert not context.master.calls

@@ -15,6 +15,7 @@ import redis
 from rocon_gateway.hub.address import own_address
 from rocon_gateway.hub.presence import Candidate, HubView
 from rocon_gateway.hub.session import (
+    ALIVE,
     HEARTBEAT,
     Description,
     HubSession,
@@ -92,9 +93,10 @@ class HubClient:
         self.named = named
         self.lost_since = (
             time.monotonic()
-        )  #: when the hub was last connected, or first tried; monotonic [s]
+        )  #: when the hub was last connected for a while, or first tried; monotonic [s]
         self.refused = False  #: whether this gateway refused the hub at the last attempt
-        self.failures = 0  #: number of failed rounds over all addresses since the last connection
+        #: number of failed rounds over all addresses since it was last connected for longer than `ALIVE`
+        self.failures = 0
         self._context = context
         self._state = HubState(said, context.namespaces)
         self._shown = HubView()
@@ -231,7 +233,7 @@ class HubClient:
         self._keep = self._context.restore(self._kept)
         host = self._context.host or own_address(session.address.host)
         self._state.enter(session, host, time.monotonic())
-        self._session, self._told_lost, self.failures = session, False, 0
+        self._session, self._told_lost = session, False
         self._nameless.clear()
         self._context.logger.info(
             "on hub '%s' at %s as '%s'", session.hub_name, session.address, session.name
@@ -245,7 +247,8 @@ class HubClient:
 
     def _exit(self, session: HubSession) -> None:
         self._session = None
-        self.lost_since = time.monotonic()
+        if not self.failures:
+            self.lost_since = time.monotonic()
         with contextlib.suppress(redis.RedisError, OSError):
             if self._stopping:
                 session.leave()
@@ -254,7 +257,7 @@ class HubClient:
         self._show()
 
     def _stay(self, session: HubSession) -> None:
-        beat = time.monotonic()
+        begun = beat = time.monotonic()
         while not self._stopping:
             linked = self._context.linked() if self._state.waiting else ()
             self._state.update(session, linked, time.monotonic())
@@ -262,6 +265,9 @@ class HubClient:
             self._state.write(session)
             if time.monotonic() >= beat:
                 self._state.heartbeat(session)
+                # Only now: a server that lets us join and then answers badly must give way to other hubs.
+                if time.monotonic() - begun > ALIVE:
+                    self.failures = 0
                 self._learn(session)
                 if (keep := self._keep) != self._kept:
                     session.keep(keep)
