@@ -160,7 +160,7 @@ class Session(roslaunch.pmon.ProcessListener):
         self.wait_for(lambda: succeeds(master.getPid), f"the ROS master at {master.master_uri}")
         deadline = time.monotonic() + RUN_ID_PATIENCE
         self.wait_for(
-            lambda: master.hasParam("/run_id") or time.monotonic() > deadline, "the master's run id"
+            lambda: _has_run_id(master) or time.monotonic() > deadline, "the master's run id"
         )
 
     def run(self, package: str, program: str, *arguments: str) -> None:
@@ -252,6 +252,14 @@ def succeeds(request: Callable[..., object], *arguments: str) -> bool:
     except (OSError, rosgraph.MasterException):
         return False
     return True
+
+
+def _has_run_id(master: rosgraph.Master) -> bool:
+    """Returns whether the master has its run id; false also if it refuses the connection, as a busy one may."""
+    try:
+        return bool(master.hasParam("/run_id"))
+    except (OSError, rosgraph.MasterException):
+        return False
 
 
 def _end_group(process: door.Process) -> None:
