@@ -1,5 +1,6 @@
 """Link states: which nodes have access, what is missing or ends, and what recovers."""
 
+import dataclasses
 import socket
 import sys
 
@@ -154,6 +155,20 @@ def test_a_master_that_has_forgotten_is_notified_again(sides):
     assert not sink.publishers("/chatter")
     sink.relay.refresh()
     wait_until(lambda: sink.publishers("/chatter"), "the registration", 2)
+
+
+def test_a_proxy_that_gets_another_name_replaces_the_former_one(sides):
+    """Gateways `pi-1` and `pi_1` get different names once both are there."""
+    source, sink = sides
+    connect(source, sink)
+    for alias in ("source_1f2e", ""):
+        wanted = dataclasses.replace(imported(source), alias=alias)
+        sink.relay.apply(set(), {wanted})
+        name = f"/{alias or 'source'}/talker1"
+        wait_until(lambda n=name: sink.publishers("/chatter") == [n], "the new name", 5)
+        with Subscriber(sink, name, "/chatter") as subscriber:
+            assert subscriber.header["callerid"] == name
+            assert subscriber.text_of_message()
 
 
 def test_a_cancelled_import_can_come_back_at_once(sides):
