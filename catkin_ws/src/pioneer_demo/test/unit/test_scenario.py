@@ -81,6 +81,15 @@ def test_options_replace_what_the_file_says() -> None:
         ("faults:\n  - blind: pioneer1", ":2: lasts is missing: the duration of the fault [s]"),
         ("faults:\n  - {move: pioneer1}", ":2: 'move' needs 'to: [x, y, degrees]'"),
         ("success:\n  reached: 3.0", ":2: reached is a share"),
+        (
+            "parameters:\n  amcl/min_particles: 100\n  amcl/min_particle: 100",
+            ":3: amcl: unknown parameter ~min_particle; did you mean ~min_particles?",
+        ),
+        (
+            "parameters:\n  move_base/local_costmap/inflation_layer/inflation_radiuss: 0.5",
+            ":2: move_base/local_costmap/inflation_layer: unknown parameter ~inflation_radiuss",
+        ),
+        ("parameters:\n  move_base/controller_frequency: 0.0", ":2: move_base: ~controller_freq"),
         ("parameters:\n  /rosout/x: 1", ":2: /rosout/x is not a parameter of a robot's node"),
         ("seed: 1\nseed: 2", ":2: field seed is given twice"),
         ("world: [", ":1: invalid YAML"),

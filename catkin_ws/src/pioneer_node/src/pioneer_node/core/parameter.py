@@ -1,12 +1,13 @@
 """A node's parameters as one frozen dataclass, checked once at start."""
 
+import contextlib
 import dataclasses
 import difflib
 import logging
 import math
 import types
 import typing
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any, TypeVar
 
 Config = TypeVar("Config")
@@ -22,6 +23,16 @@ class UnknownNames:
     def __init__(self) -> None:
         self.strict = False  #: whether to raise an error instead
         self._reported: set[str] = set()
+        self._collected: list[str] | None = None
+
+    @contextlib.contextmanager
+    def collected(self) -> Iterator[list[str]]:
+        """Within this context the texts of unknown names are added to the list that it yields; nothing is logged."""
+        before, self._collected = self._collected, []
+        try:
+            yield self._collected
+        finally:
+            self._collected = before
 
     def report(self, owner: str, name: str, known: Collection[str], above: str = "") -> None:
         """Logs a warning that suggests the closest ``known`` name; ``above`` is their namespace with trailing slash.
@@ -29,7 +40,11 @@ class UnknownNames:
         Raises:
             ParameterError: instead of the warning if ``strict``.
         """
-        self.complain(f"{owner}: unknown parameter ~{above}{name}{_nearest(name, known, above)}")
+        text = f"{owner}: unknown parameter ~{above}{name}{_nearest(name, known, above)}"
+        if self._collected is not None:
+            self._collected.append(text)
+        else:
+            self.complain(text)
 
     def complain(self, text: str) -> None:
         """Logs once that a parameter has no effect; ``text`` gives its name and the reason.
@@ -48,6 +63,8 @@ class UnknownNames:
         self._warn(text, "")
 
     def _warn(self, text: str, consequence: str) -> None:
+        if self._collected is not None:
+            return
         if self.strict:
             raise ParameterError(text)
         if text not in self._reported:
