@@ -123,7 +123,9 @@ class FakeEngine:
     def rest(self, handle: int, allowed: bool) -> None:
         (self.resting.add if allowed else self.resting.discard)(handle)
 
-    def push(self, handle: int, part: int, force: Vector, torque: Vector, point: Vector) -> None:
+    def push(
+        self, handle: int, part: int, force: Vector, torque: Vector, point: Vector | None
+    ) -> None:
         self.pushed.append((handle, part, force, torque, point))
 
     def contacts(self, handle: int) -> list[Contact]:

@@ -12,7 +12,7 @@ from pioneer_gazebo.simulation.actor import Wrench
 from pioneer_gazebo.simulation.entity import Entity
 from pioneer_gazebo.simulation.schedule import TICK_RATE
 from pioneer_gazebo.simulation.simulation import Simulation
-from pioneer_gazebo.simulation.state import link_motion
+from pioneer_gazebo.simulation.state import link_motion, wrench
 from pioneer_gazebo.world.mesh import triangles_of_mesh
 from pioneer_gazebo.world.model import Model, World
 from pioneer_gazebo.world.pose import Pose, rotated
@@ -273,3 +273,23 @@ def test_setting_a_wheels_joint_moves_no_odometry(space: Simulation) -> None:
         space.advance(tick)
         odometry = space.odometry(driven)
         assert (odometry.x, odometry.yaw) == pytest.approx((0.0, 0.0), abs=1e-6)
+
+
+def test_a_wrench_in_the_world_turns_a_body_only_by_its_torque_and_point(space: Simulation) -> None:
+    """As in gazebo_ros: the force acts at the centre of mass, wherever the body is and moves to."""
+    entity = space.add_robot("r", "r", slider(), Pose((3.0, -2.0, 0.0)))
+    entity.movers.clear()
+    zero = (0.0, 0.0, 0.0)
+    force = (2.0 * MASS, 0.0, 0.0)
+    applied, torque = wrench(space, "r::base", "world", zero, force, zero)
+    assert (applied, torque) == (force, zero)
+    space.push(Wrench(entity, 0, applied, torque, None, 0, math.inf))
+    space.advance(1200)
+    assert space.velocity(entity).linear[0] == pytest.approx(4.0, rel=1e-3)
+    assert space.velocity(entity).angular == pytest.approx(zero, abs=1e-3)
+    _, torque = wrench(space, "r::base", "", (0.0, 0.5, 0.0), force, (0.0, 0.0, 1.0))
+    assert torque == pytest.approx((0.0, 0.0, 1.0 - 0.5 * force[0]))
+    # In the frame of the mast, which stands ahead: its place is part of the arm.
+    sideways = (0.0, 3.0, 0.0)
+    _, torque = wrench(space, "r::base", "r::mast", zero, sideways, zero)
+    assert torque == pytest.approx((0.0, 0.0, 3.0 * ARM), abs=1e-6)

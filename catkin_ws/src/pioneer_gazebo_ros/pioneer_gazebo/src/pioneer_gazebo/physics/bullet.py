@@ -268,11 +268,25 @@ class BulletEngine:
         for neighbour in sorted({body for body, _ in found or ()} - {handle}):
             self._wake(neighbour)
 
-    def push(self, handle: int, part: int, force: Vector, torque: Vector, point: Vector) -> None:
+    def push(
+        self, handle: int, part: int, force: Vector, torque: Vector, point: Vector | None
+    ) -> None:
         self._wake(handle)
         frame, client, link = pybullet.WORLD_FRAME, self._client, self._made[handle].links[part]
+        if point is None:
+            point = self._centre_of_mass(handle, link)
         pybullet.applyExternalForce(handle, link, force, point, frame, physicsClientId=client)
         pybullet.applyExternalTorque(handle, link, torque, frame, physicsClientId=client)
+
+    def _centre_of_mass(self, handle: int, link: int) -> Vector:
+        """Returns the position of a link's centre of mass in the world; link -1 is the base."""
+        client = self._client
+        if link < 0:
+            position, _ = pybullet.getBasePositionAndOrientation(handle, physicsClientId=client)
+        else:
+            position = pybullet.getLinkState(handle, link, physicsClientId=client)[0]
+        x, y, z = position
+        return x, y, z
 
     def contacts(self, handle: int) -> list[Contact]:
         points = pybullet.getContactPoints(bodyA=handle, physicsClientId=self._client)

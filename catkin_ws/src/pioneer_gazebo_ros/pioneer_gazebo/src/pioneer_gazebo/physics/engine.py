@@ -119,8 +119,13 @@ class Engine(Protocol):
         A sleeping body costs nothing and does not creep.
         """
 
-    def push(self, handle: int, part: int, force: Vector, torque: Vector, point: Vector) -> None:
-        """Applies a force [N] at ``point`` and a torque [N m] during the next step."""
+    def push(
+        self, handle: int, part: int, force: Vector, torque: Vector, point: Vector | None
+    ) -> None:
+        """Applies a force [N] and a torque [N m] during the next step.
+
+        The force acts at ``point`` in the world or, for None, at the part's centre of mass.
+        """
 
     def contacts(self, handle: int) -> list[Contact]:
         """Returns the body's contacts in the last step, except those that support it."""

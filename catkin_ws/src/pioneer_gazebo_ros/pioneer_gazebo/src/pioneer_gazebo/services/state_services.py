@@ -22,7 +22,7 @@ from pioneer_gazebo.simulation.schedule import TICK_RATE, nanoseconds
 from pioneer_gazebo.timeline import Timeline
 from pioneer_gazebo.world import joint as kinds
 from pioneer_gazebo.world.joint import Joint
-from pioneer_gazebo.world.pose import Pose, rotated
+from pioneer_gazebo.world.pose import Pose
 
 _TYPES = {
     kinds.REVOLUTE: srv.GetJointPropertiesResponse.REVOLUTE,
@@ -233,16 +233,18 @@ class StateServices:
 
     def _push(self, request: srv.ApplyBodyWrenchRequest) -> str:
         entity, part = self._moving(request.body_name)
-        base, _ = state.motion(self._simulation, request.reference_frame)
-        force = rotated(base.rotation, messages.vector_from_message(request.wrench.force))
-        torque = rotated(base.rotation, messages.vector_from_message(request.wrench.torque))
-        point = base.transform(messages.vector_from_message(request.reference_point))
-        if request.reference_frame in state.WORLD_NAMES and point == (0.0, 0.0, 0.0):
-            point = state.motion(self._simulation, request.body_name)[0].position
+        force, torque = state.wrench(
+            self._simulation,
+            request.body_name,
+            request.reference_frame,
+            messages.vector_from_message(request.reference_point),
+            messages.vector_from_message(request.wrench.force),
+            messages.vector_from_message(request.wrench.torque),
+        )
         first = max(self._simulation.tick, request.start_time.to_sec() * TICK_RATE)
         duration = request.duration.to_sec()
         last = math.inf if duration < 0 else first + duration * TICK_RATE
-        self._simulation.push(Wrench(entity, part, force, torque, point, first, last))
+        self._simulation.push(Wrench(entity, part, force, torque, None, first, last))
         return "wrench applied"
 
     def _clear(self, request: srv.BodyRequestRequest) -> None:

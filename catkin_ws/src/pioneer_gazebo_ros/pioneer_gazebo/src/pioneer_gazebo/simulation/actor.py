@@ -66,7 +66,9 @@ def velocity_between(a: Pose, b: Pose, seconds: float) -> Velocity:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wrench:
-    """A force [N] at a point of a part and a torque [N m], in the world's axes, from one tick to another.
+    """A force [N] on a part and a torque [N m], in the world's axes, from one tick to another.
+
+    The force acts at ``point`` in the world or, for None, at the part's centre of mass, wherever that moves.
 
     The ticks may lie within a physics step: the impulse counts, which is force times duration.
     """
@@ -75,7 +77,7 @@ class Wrench:
     part: int
     force: Vector
     torque: Vector
-    point: Vector
+    point: Vector | None
     first: float
     last: float
 

@@ -517,7 +517,7 @@ class Simulation:
 
     def push(self, wrench: Wrench) -> None:
         """Applies a wrench for its duration, from the next step on; raises BoundError if it is out of bounds."""
-        bound.check_wrench(wrench.force, wrench.torque, wrench.point)
+        bound.check_wrench(wrench.force, wrench.torque, wrench.point or (0.0, 0.0, 0.0))
         late = max(0.0, self._stepped - wrench.first)
         self._wrenches.add(replace(wrench, first=wrench.first + late, last=wrench.last + late))
 

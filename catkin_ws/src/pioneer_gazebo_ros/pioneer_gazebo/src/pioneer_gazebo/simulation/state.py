@@ -4,7 +4,15 @@ from pioneer_gazebo.error import ModelError
 from pioneer_gazebo.physics.engine import STILL, Velocity
 from pioneer_gazebo.simulation.entity import Entity
 from pioneer_gazebo.simulation.simulation import Simulation
-from pioneer_gazebo.world.pose import IDENTITY, Pose, added, opposite, rotated
+from pioneer_gazebo.world.pose import (
+    IDENTITY,
+    Pose,
+    Vector,
+    added,
+    cross,
+    opposite,
+    rotated,
+)
 
 WORLD_NAMES = ("", "world", "map", "/map", "/world")
 
@@ -107,6 +115,35 @@ def seen_from(
     linear = added(velocity.linear, opposite(base_velocity.linear))
     angular = added(velocity.angular, opposite(base_velocity.angular))
     return base.inverse().compose(pose), Velocity(linear, angular).seen_from(base.rotation)
+
+
+def wrench(
+    simulation: Simulation, body: str, reference: str, point: Vector, force: Vector, torque: Vector
+) -> tuple[Vector, Vector]:
+    """Returns force and torque on a body's centre of mass in the world's axes, as gazebo_ros computes them.
+
+    A ``point`` adds the torque of the force about it. In a frame other than the world's, the arm from the body to that
+    frame adds its torque, too; in the world's frame the point is relative to the body.
+
+    Args:
+        simulation: the simulation.
+        body: ``model::link``.
+        reference: the frame of the other arguments.
+        point: at which the force acts [m].
+        force: [N].
+        torque: [N m].
+
+    Raises:
+        ModelError: there is no model or link of either name.
+    """
+    base, _ = motion(simulation, reference)
+    turned = rotated(base.rotation, force)
+    moment = rotated(base.rotation, added(torque, cross(point, force)))
+    if reference not in WORLD_NAMES:
+        pose, _ = motion(simulation, body)
+        arm = added(base.position, opposite(pose.position))
+        moment = added(moment, cross(arm, turned))
+    return turned, moment
 
 
 def place(
