@@ -7,13 +7,15 @@ import threading
 import xmlrpc.client
 from collections.abc import Callable, Iterator
 from socketserver import ThreadingMixIn
+from types import SimpleNamespace
 from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 from std_msgs.msg import String
 from std_srvs.srv import Empty
 
-from tcpros.client import Connection
+from tcpros import node
+from tcpros.client import ClientError, Connection
 from tcpros.frame import MAX_MESSAGE
 from tcpros.node import Node
 from tcpros.node_context import NodeContext
@@ -459,6 +461,32 @@ def test_a_request_longer_than_allowed_closes_the_connection(quick: NodeContext)
             with pytest.raises(ConnectionError):
                 connection._read(1)
 
+    client_thread(quick, work)
+
+
+def test_a_request_that_gets_no_thread_is_answered_with_the_reason(
+    quick: NodeContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_thread: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    server = Node(quick, "/server", lambda _: None)
+    server.serve("/reverse", Empty, lambda _: b"\0\0\0\0", may_wait=True)
+    address = ("127.0.0.1", int(server.uri.rsplit(":", 1)[1].rstrip("/")))
+
+    class NoThread(threading.Thread):
+        start = refuse
+
+    def work() -> None:
+        fields = {"service": "/reverse", "callerid": "/client", "md5sum": "*", "persistent": "1"}
+        with Connection(*address, fields) as connection:
+            for _ in range(2):
+                with pytest.raises(ClientError, match="not processed: can't start new thread"):
+                    connection.call_raw(b"")
+            monkeypatch.undo()
+            assert connection.call_raw(b"") == b""
+
+    monkeypatch.setattr(node, "threading", SimpleNamespace(Thread=NoThread))
     client_thread(quick, work)
 
 
