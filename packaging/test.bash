@@ -3,8 +3,7 @@
 root=$PWD
 . tools/setup.bash
 apt-get install -yq --no-install-recommends git $(packages_of plot network checks study browser)
-# The page's tests are clients of it: they need some of its libraries.
-printf '%s\n' /checks /usr/lib/pioneer/web >"$(python3 -c 'import site; print(site.getsitepackages()[0])')/checks.pth"
+printf '%s\n' /checks >"$(python3 -c 'import site; print(site.getsitepackages()[0])')/checks.pth"
 # rostest and roslaunch look for a package's test files in its installed folder.
 for package in $(find catkin_ws/src -name package.xml -printf '%h\n'); do
   [[ ! -d $package/test ]] || cp -r "$package/test" "/usr/share/${package##*/}/"

@@ -34,11 +34,28 @@ def driver():
         "window-size=1280,800",
     ):
         options.add_argument(f"--{word}")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     options.binary_location = "/usr/bin/chromium"
     browser = webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
     browser.set_script_timeout(30)
     yield browser
     browser.quit()
+
+
+@pytest.fixture(autouse=True)
+def console(request):
+    """Fails a test in whose course a page has logged an error. A refused request is none."""
+    if "driver" not in request.fixturenames:
+        yield
+        return
+    driver = request.getfixturevalue("driver")
+    yield
+    errors = [
+        line["message"]
+        for line in driver.get_log("browser")
+        if line["level"] == "SEVERE" and line["source"] != "network"
+    ]
+    assert errors == []
 
 
 @pytest.fixture

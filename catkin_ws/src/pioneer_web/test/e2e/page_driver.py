@@ -40,6 +40,14 @@ def press(driver, act):
     driver.execute_script("arguments[0].click()", button)
 
 
+def confirm(driver):
+    """Presses the button of a question that does what was asked for."""
+    button = WebDriverWait(driver, SOON).until(
+        lambda _: driver.find_element(By.CSS_SELECTOR, 'dialog[open] button[value="yes"]')
+    )
+    button.click()
+
+
 def send_to(driver, x, y):
     """Clicks on the map, as with a mouse or a finger."""
     press(driver, "tool-drive")

@@ -117,8 +117,7 @@ def test_the_name_of_a_message_type_imports_no_module(target):
 
 def test_viewers_who_ask_the_doctor_do_not_delay_a_stop(target, driver):
     driver.get(f"{target.url}/#{VIEWER}")
-    network = "//div[@role='tab' and contains(., 'Network')]"
-    WebDriverWait(driver, 60).until(lambda _: driver.find_elements(By.XPATH, network))[0].click()
+    WebDriverWait(driver, 60).until(lambda _: driver.find_elements(By.ID, "tab-network"))[0].click()
     button = WebDriverWait(driver, 60).until(lambda _: driver.find_elements(By.XPATH, DOCTOR))[0]
     with operator(target) as ask:
         driver.execute_script(

@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 import pytest
-from page_driver import MOVE, PHONE, SOON, assert_fits_a_phone, press, send_to
+from page_driver import MOVE, PHONE, SOON, assert_fits_a_phone, confirm, press, send_to
 from selenium.webdriver.common.by import By
 from served import VIEWER, publish
 
@@ -54,6 +54,7 @@ def test_stop_all_holds_the_robots_until_they_are_released(driver, opened, shot)
     assert math.dist(place(opened)[:2], before[:2]) < 0.05
     assert opened.state("pioneer1.row")["held"]
     press(driver, "release-all")
+    confirm(driver)
     wait_until(lambda: not opened.state("pioneer1.row")["held"], "the release", SOON)
     send_to(driver, 0.0, 0.0)
     wait_until(
@@ -129,12 +130,11 @@ def test_a_recording_begins_and_ends_and_can_be_downloaded(driver, opened, fleet
 
 
 def test_camera_images_are_shown_when_asked_for(driver, opened, fleet, shot):
-    images = "[...document.querySelectorAll('.camera img')]"
-    seen = f"return {images}.some(one => one.src.includes('jpeg') && one.naturalWidth)"
-    driver.execute_script("document.querySelector('[aria-label=\"Camera images\"]').click()")
+    seen = "return document.querySelector('.camera img')?.naturalWidth > 0"
+    press(driver, "cameras")
     wait_until(lambda: driver.execute_script(seen), "an image", SOON)
     shot("camera")
-    driver.execute_script("[...document.querySelectorAll('.camera button')].at(-1).click()")
+    driver.find_element(By.CSS_SELECTOR, ".camera button").click()
     wait_until(
         lambda: CAMERA not in fleet.master.system_state()[1], "the end of the subscription", SOON
     )
@@ -177,10 +177,9 @@ def test_a_phone_shows_map_table_and_stop(driver, opened, shot):
         wait_until(lambda: opened.state("pioneer1.plan"), "a plan", SOON)
         assert_fits_a_phone(driver)
         shot("phone")
-        for number, name in enumerate(("robots", "network", "filter")):
-            driver.execute_script(f"document.querySelectorAll('.q-tab')[{number}].click()")
-            seen = f"return (document.getElementById('{name}')?.offsetHeight ?? 0) > 0"
-            wait_until(lambda seen=seen: driver.execute_script(seen), f"the tab of {name}", SOON)
+        for name in ("alerts", "network", "log", "robots"):
+            driver.find_element(By.ID, f"tab-{name}").click()
+            assert driver.find_element(By.ID, f"panel-{name}").is_displayed()
             assert_fits_a_phone(driver)
             shot(f"phone-{name}")
     finally:

@@ -12,7 +12,7 @@ import rospy
 from foxglove_client import WAIT, advertise, foxglove_client, publish
 from geometry_msgs.msg import PoseStamped, Twist
 from nav_msgs.msg import Odometry
-from page_driver import PHONE, SOON, assert_fits_a_phone, known, press, send_to, shown
+from page_driver import PHONE, SOON, assert_fits_a_phone, confirm, known, press, send_to, shown
 from selenium.webdriver.common.by import By
 from sensor_msgs.msg import LaserScan
 from served import TOKEN, request, wait_for_page
@@ -107,7 +107,7 @@ def place(driver, robot="pioneer1"):
 
 
 def test_an_unauthenticated_client_gets_401_and_no_data(url, driver):
-    for path in ("/", "/map.png", "/metrics", "/static/fleet.js"):
+    for path in ("/", "/map.png", "/metrics", "/static/main.js"):
         status, _, body = request(url, path)
         assert status == 401
         assert b"pioneer1" not in body
@@ -182,6 +182,7 @@ def test_a_stop_reaches_the_simulator_at_once_and_holds(driver, page, heard, sho
     after = odom[-1][1].pose.pose.position
     assert math.dist((before.x, before.y), (after.x, after.y)) < 0.05
     press(driver, "release-all")
+    confirm(driver)
     wait_until(lambda: not known(driver, "pioneer1.row")["held"], "the release", SOON)
 
 

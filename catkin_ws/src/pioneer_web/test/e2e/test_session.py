@@ -48,7 +48,7 @@ def test_the_page_comes_over_tls_and_its_cookie_goes_over_nothing_else(fleet):
     assert status == 204
     assert "; Secure" in headers["Set-Cookie"]
     cookie = headers["Set-Cookie"].partition(";")[0]
-    assert b"fleet.js" in fleet.request("/", cookie=cookie)[2]
+    assert b"main.js" in fleet.request("/", cookie=cookie)[2]
     with live(fleet, cookie) as socket:
         assert b"pioneer1.row" in socket.recv(WAIT)
     with (

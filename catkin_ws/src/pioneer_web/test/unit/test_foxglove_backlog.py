@@ -12,6 +12,7 @@ from pioneer_web.foxglove.frames import Frames
 from pioneer_web.foxglove.server import BACKLOG_BYTES, Visitor
 from tcpros.topic_source import Sender
 
+SESSION = SimpleNamespace(role=Role.VIEWER)
 SENDER = Sender("/robot", latching=False)
 
 
@@ -45,7 +46,7 @@ def test_a_blocked_event_loop_gets_the_newest_messages_in_order(number, size):
 
 def test_frames_for_a_client_that_reads_nothing_are_limited_in_size():
     async def queued():
-        visitor = Visitor(SimpleNamespace(scope={"role": Role.VIEWER}))
+        visitor = Visitor(SimpleNamespace(), SESSION)
         for _ in range(100):
             visitor.send(bytes(1_000_000))
         return visitor._queue.qsize()
@@ -60,7 +61,7 @@ def test_a_frame_of_any_size_reaches_a_client_that_reads():
         sent.append(len(frame))
 
     async def forwarded():
-        visitor = Visitor(SimpleNamespace(scope={"role": Role.VIEWER}, send_bytes=send_bytes))
+        visitor = Visitor(SimpleNamespace(send_bytes=send_bytes), SESSION)
         forwarding = asyncio.create_task(visitor.forward())
         for _ in range(3):
             visitor.send(bytes(2 * BACKLOG_BYTES))

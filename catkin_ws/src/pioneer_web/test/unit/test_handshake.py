@@ -8,7 +8,7 @@ import subprocess
 import pytest
 
 from pioneer_web.access.admission import Admission
-from pioneer_web.access.handshake import secured_protocol
+from pioneer_web.access.listener import Listener
 
 PATIENCE = 0.5
 MOST = 4
@@ -49,10 +49,16 @@ def served(contexts, act, patience=PATIENCE, most=MOST):
     """Runs ``act`` with the address of an echo server."""
 
     async def run():
-        factory = secured_protocol(Echo, contexts[0], Admission(most, most), patience)
-        server = await asyncio.get_running_loop().create_server(factory, "127.0.0.1", 0)
-        async with server, asyncio.timeout(GUARD):
-            return await asyncio.to_thread(act, server.sockets[0].getsockname())
+        faults = []
+        admission = Admission(most, most)
+        listener = Listener(Echo, "127.0.0.1", 0, contexts[0], faults.append, admission, patience)
+        accepting = asyncio.create_task(listener.run())
+        try:
+            async with asyncio.timeout(GUARD):
+                return await asyncio.to_thread(act, listener.addresses[0])
+        finally:
+            accepting.cancel()
+            assert faults == []
 
     return asyncio.run(run())
 

@@ -1,24 +1,22 @@
 """Authentication for everything that is served: sessions, tokens, origins."""
 
 import asyncio
-import http.cookies
 import time
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Awaitable, Callable
+from typing import NamedTuple
 
-from starlette.responses import HTMLResponse, Response
-from starlette.types import ASGIApp, Receive, Scope, Send
+from aiohttp import web
 
 from pioneer_web.access.access_control import Access, Role, same_origin
-from pioneer_web.access.pace import EVENT, PAGE, Pace
+from pioneer_web.access.pace import Pace
 
 LOGIN, LOGOUT = "/login", "/logout"
 LONGEST_LOGIN = 1000
 """Maximum size of a login request [bytes]."""
 LOGIN_LIMIT = 10.0
 """Time-out for a login's body [s]."""
-_EVENTS = "/_nicegui_ws"
-"""Path of the connection with the events of a page's elements."""
+UNAUTHORISED = 4401
+"""WebSocket close code: the session has expired."""
 _POLICY = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
@@ -26,11 +24,22 @@ _POLICY = {
 }
 
 
+class Session(NamedTuple):
+    """What an authenticated client may do."""
+
+    role: Role
+    is_valid: Callable[[], bool]  #: whether it has not expired since
+    turn: Callable[[], Awaitable[None]]  #: waits until one more request or frame may be handled
+
+
+Serve = Callable[[web.BaseRequest, Session], Awaitable[web.StreamResponse]]
+
+
 class Guard:
-    """ASGI middleware that passes requests with a session cookie or a token, and puts their role into the scope.
+    """Passes requests with a session cookie or a token, together with their `Session`.
 
     Args:
-        app: the protected application.
+        serve: answers these requests.
         access: sessions and tokens.
         login_page: HTML sent with status 401 to unauthenticated clients.
         port: part of the cookie's name, because browsers send cookies to every port of a host.
@@ -38,139 +47,114 @@ class Guard:
     """
 
     def __init__(
-        self, app: ASGIApp, access: Access, login_page: str, port: int, encrypted: bool
+        self, serve: Serve, access: Access, login_page: str, port: int, encrypted: bool
     ) -> None:
-        self._app, self._access, self._login_page, self._encrypted = (
-            app,
-            access,
-            login_page,
-            encrypted,
-        )
         self.cookie = f"pioneer_{port}"
+        self._serve = serve
+        self._access = access
+        self._login_page = login_page
+        self._encrypted = encrypted
         self._pace = Pace()
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serves one request or connection."""
-        if scope["type"] == "lifespan":
-            await self._app(scope, receive, send)
-            return
-        headers = {
-            key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]
-        }
-        writes = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
-        foreign = not same_origin(
-            headers.get("origin", ""), headers.get("host", ""), self._encrypted
-        )
-        session = self._session(headers)
-        bearer = self._role_of_bearer(headers, scope)
-        if scope["type"] == "http" and scope["path"] == LOGIN and scope["method"] == "POST":
-            answer = Response("another origin", 403) if foreign else await self._login(receive)
-            await answer(scope, receive, send)
-            return
+    async def __call__(self, request: web.BaseRequest) -> web.StreamResponse:
+        """Answers one request."""
+        if (request.method, request.path) == ("POST", LOGIN):
+            return await self._login(request)
+        session = self._session(request)
+        if session is None:
+            return web.Response(
+                text=self._login_page, status=401, content_type="text/html", headers=_POLICY
+            )
+        if (request.method, request.path) == ("POST", LOGOUT):
+            self._access.logout(self._cookie_of(request))
+            answer = web.Response(status=204)
+            answer.del_cookie(self.cookie)
+            return answer
+        await session.turn()
+        response = await self._serve(request, session)
+        if not response.prepared:
+            response.headers.update(_POLICY)
+        return response
+
+    def _session(self, request: web.BaseRequest) -> Session | None:
+        """Returns the session of a request; None if it is not authenticated."""
+        role = self._role_of_token(request)
+        if role is not None:
+            return Session(role, _always, self._turn_of(role))
         # A token is sent deliberately. Browsers attach cookies to requests of any site, so check the origin (CSRF).
-        role = bearer or (
-            None if writes and foreign else self._access.role(session, time.monotonic())
-        )
+        if _acts(request) and self._is_foreign(request):
+            return None
+        cookie = self._cookie_of(request)
+        role = self._access.role(cookie, time.monotonic())
         if role is None:
-            await self._refuse(scope, receive, send)
-            return
-        if scope["type"] == "http" and scope["path"] == LOGOUT and scope["method"] == "POST":
-            self._access.logout(session)
-            answer = Response(status_code=204)
-            answer.delete_cookie(self.cookie)
-            await answer(scope, receive, send)
-            return
-        scope["role"] = role
-        scope["still"] = (
-            (lambda: True)
-            if bearer
-            else lambda: self._access.role(session, time.monotonic()) is not None
-        )
-        if role < Role.OPERATOR:
-            await self._pace.turn(
-                PAGE
-                if scope["path"] == "/"
-                else EVENT
-                if scope["path"].startswith(_EVENTS)
-                else 1.0
-            )
-            if scope["type"] == "websocket":
-                receive = self._paced(receive, EVENT if scope["path"].startswith(_EVENTS) else 1.0)
-        await self._app(scope, receive, _with_policy(send))
+            return None
 
-    def _paced(self, receive: Receive, cost: float) -> Receive:
-        """Returns ``receive`` for a viewer's connection: all viewers' frames together are limited in rate."""
+        def is_valid() -> bool:
+            return self._access.role(cookie, time.monotonic()) is not None
 
-        async def received() -> Any:
-            message = await receive()
-            await self._pace.turn(cost)
-            return message
+        return Session(role, is_valid, self._turn_of(role))
 
-        return received
+    def _turn_of(self, role: Role) -> Callable[[], Awaitable[None]]:
+        """Returns the limit of rate for a role: all viewers together have one, operators have none."""
+        return _at_once if role >= Role.OPERATOR else self._pace.turn
 
-    def _session(self, headers: Mapping[str, str]) -> str:
-        try:
-            jar: http.cookies.SimpleCookie[str] = http.cookies.SimpleCookie(
-                headers.get("cookie", "")
-            )
-        except http.cookies.CookieError:
-            return ""
-        return jar[self.cookie].value if self.cookie in jar else ""
+    def _cookie_of(self, request: web.BaseRequest) -> str:
+        return request.cookies.get(self.cookie, "")
 
-    def _role_of_bearer(self, headers: Mapping[str, str], scope: Scope) -> Role | None:
-        kind, _, token = headers.get("authorization", "").partition(" ")
+    def _is_foreign(self, request: web.BaseRequest) -> bool:
+        headers = request.headers
+        return not same_origin(headers.get("Origin", ""), headers.get("Host", ""), self._encrypted)
+
+    def _role_of_token(self, request: web.BaseRequest) -> Role | None:
+        kind, _, token = request.headers.get("Authorization", "").partition(" ")
         if kind.lower() == "bearer":
             return self._access.role_of_token(token)
         # Foxglove can set neither headers nor cookies, so its token is in the path. The path is not logged here.
-        path, _, token = scope["path"].rpartition("/")
+        path, _, token = request.path.rpartition("/")
         return self._access.role_of_token(token) if path == "/foxglove" else None
 
-    async def _login(self, receive: Receive) -> Response:
+    async def _login(self, request: web.BaseRequest) -> web.Response:
+        if self._is_foreign(request):
+            return web.Response(text="another origin", status=403)
         try:
-            body = await asyncio.wait_for(_body(receive), LOGIN_LIMIT)
+            body = await asyncio.wait_for(_body(request), LOGIN_LIMIT)
         except TimeoutError:
-            return Response("the login is incomplete", 408)
-        session = self._access.login(
-            body[:LONGEST_LOGIN].decode(errors="replace").strip(), time.monotonic()
-        )
+            return web.Response(text="the login is incomplete", status=408)
+        token = body[:LONGEST_LOGIN].decode(errors="replace").strip()
+        session = self._access.login(token, time.monotonic())
         if session is None:
-            return Response("unknown token", 401)
-        answer = Response(status_code=204)
+            return web.Response(text="unknown token", status=401)
+        answer = web.Response(status=204)
         answer.set_cookie(
             self.cookie,
             session,
-            int(self._access.lifetime),
+            max_age=int(self._access.lifetime),
             httponly=True,
             samesite="strict",
             secure=self._encrypted,
         )
         return answer
 
-    async def _refuse(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "websocket":
-            await send({"type": "websocket.close", "code": 4401})
-            return
-        await HTMLResponse(self._login_page, 401, _POLICY)(scope, receive, send)
+
+def _acts(request: web.BaseRequest) -> bool:
+    """Returns whether a request may change something."""
+    is_socket = request.headers.get("Upgrade", "").lower() == "websocket"
+    return is_socket or request.method not in ("GET", "HEAD")
 
 
-async def _body(receive: Receive) -> bytes:
+def _always() -> bool:
+    return True
+
+
+async def _at_once() -> None:
+    pass
+
+
+async def _body(request: web.BaseRequest) -> bytes:
     """Returns a request's body, at most a little more than the maximum size of a login."""
     body = b""
-    more = True
-    while more and len(body) <= LONGEST_LOGIN:
-        message = await receive()
-        body += message.get("body", b"")
-        more = message.get("more_body", False)
+    async for piece in request.content.iter_any():
+        body += piece
+        if len(body) > LONGEST_LOGIN:
+            break
     return body
-
-
-def _with_policy(send: Send) -> Send:
-    async def sent(message: Any) -> None:
-        if message["type"] == "http.response.start":
-            message["headers"] = [
-                *message["headers"],
-                *((key.lower().encode(), value.encode()) for key, value in _POLICY.items()),
-            ]
-        await send(message)
-
-    return sent

@@ -5,8 +5,6 @@ import time
 
 RATE, BURST = 200.0, 60.0
 """Requests and frames of all viewers together: maximum rate [1/s], and number that may arrive at once."""
-PAGE, EVENT = 60.0, 4.0
-"""Cost of building a page and of an event of its elements, in units of a simple request."""
 
 
 class Pace:
@@ -17,9 +15,9 @@ class Pace:
         self._ahead = burst / rate
         self._free_at = 0.0
 
-    async def turn(self, cost: float = 1.0) -> None:
-        """Waits until a request of this cost may be handled."""
+    async def turn(self) -> None:
+        """Waits until one more request or frame may be handled."""
         now = time.monotonic()
-        self._free_at = max(self._free_at, now - self._ahead) + cost / self._rate
+        self._free_at = max(self._free_at, now - self._ahead) + 1 / self._rate
         if self._free_at > now:
             await asyncio.sleep(self._free_at - now)

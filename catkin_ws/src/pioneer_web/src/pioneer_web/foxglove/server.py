@@ -13,9 +13,10 @@ from typing import Any
 import genpy
 import rosgraph.names
 import rospy
-from fastapi import WebSocket, WebSocketDisconnect
+from aiohttp import WSMessage, WSMsgType, web
 
 from pioneer_web.access.access_control import Role
+from pioneer_web.access.guard import UNAUTHORISED, Session
 from pioneer_web.foxglove.frames import Frames
 from pioneer_web.foxglove.message_class import known_class, message_class, service_class
 from pioneer_web.foxglove.wire import (
@@ -39,12 +40,14 @@ SOONEST = 0.2
 """Shortest interval between polls, if a client subscribes [s]."""
 URIS_EVERY = 5.0
 """Interval for reading the URIs of publishing nodes again [s]."""
+CLOSING = 1.0
+"""Time-out for a client's answer when its connection is closed [s]."""
 CONNECTING = 1.0
 """Time a new publisher waits for its first subscriber [s]."""
-EXPIRED = 4401
-"""WebSocket close code: the session has expired."""
 BACKLOG, BACKLOG_BYTES = 200, 1 << 24
 """Queue size for a slow client: number of frames, and total size [bytes]; further frames are dropped."""
+LONGEST_FRAME = 1 << 20
+"""Maximum size of a client's frame [bytes]."""
 LONGEST_REQUEST = 1 << 18
 """Maximum length of a client's JSON request [characters]."""
 READ_ONLY = "this token is read-only"
@@ -55,8 +58,9 @@ _CAPABILITIES = ["clientPublish", "services"]
 class Visitor:
     """One client: its subscriptions and publishers."""
 
-    def __init__(self, socket: WebSocket) -> None:
+    def __init__(self, socket: web.WebSocketResponse, session: Session) -> None:
         self.socket = socket
+        self.session = session
         self.subscriptions: dict[int, str] = {}
         self.publishers: dict[int, rospy.Publisher] = {}
         self.channels: dict[str, int] = {}
@@ -67,7 +71,7 @@ class Visitor:
     @property
     def may_act(self) -> bool:
         """Whether the client may publish and call services."""
-        return bool(self.socket.scope["role"] >= Role.OPERATOR)
+        return self.session.role >= Role.OPERATOR
 
     def subscribe(self, number: int, channel: int) -> None:
         """Subscribes to a channel under a number of the client's; ignores a channel that is gone.
@@ -96,14 +100,15 @@ class Visitor:
         self.send({"op": "status", "level": 2, "message": text})
 
     async def forward(self) -> None:
-        """Sends queued frames in an endless loop."""
-        while True:
-            frame = await self._queue.get()
-            if isinstance(frame, bytes):
-                await self.socket.send_bytes(frame)
-                self._queued_bytes -= len(frame)
-            else:
-                await self.socket.send_json(frame)
+        """Sends queued frames until the client has disconnected."""
+        with contextlib.suppress(ConnectionError):
+            while True:
+                frame = await self._queue.get()
+                if isinstance(frame, bytes):
+                    await self.socket.send_bytes(frame)
+                    self._queued_bytes -= len(frame)
+                else:
+                    await self.socket.send_json(frame)
 
 
 class Foxglove:
@@ -130,11 +135,13 @@ class Foxglove:
         """Ends all connections to the fleet."""
         self._frames.close()
 
-    async def serve(self, socket: WebSocket) -> None:
+    async def serve(self, request: web.BaseRequest, session: Session) -> web.WebSocketResponse:
         """Serves one client until it disconnects."""
-        offered = socket.scope.get("subprotocols", [])
-        await socket.accept(next((one for one in PROTOCOLS if one in offered), None))
-        visitor = Visitor(socket)
+        socket = web.WebSocketResponse(
+            protocols=PROTOCOLS, compress=False, max_msg_size=LONGEST_FRAME, timeout=CLOSING
+        )
+        await socket.prepare(request)
+        visitor = Visitor(socket, session)
         visitor.send(
             {
                 "op": "serverInfo", "name": "Pioneer fleet", "sessionId": uuid.uuid4().hex,
@@ -149,13 +156,15 @@ class Foxglove:
         else:
             self._announce(visitor)
         try:
-            while socket.scope["still"]():
-                await self._take(visitor, await socket.receive())
-        except (WebSocketDisconnect, RuntimeError):  # RuntimeError: receive after disconnect
-            pass
+            async for message in socket:
+                await session.turn()
+                await self._take(visitor, message)
+            if not session.is_valid():
+                await socket.close(code=UNAUTHORISED)
         finally:
             forwarding.cancel()
             self._leave(visitor)
+        return socket
 
     def _leave(self, visitor: Visitor) -> None:
         self._visitors.discard(visitor)
@@ -166,16 +175,14 @@ class Foxglove:
             self._looking.cancel()
             self._looking = None
 
-    async def _take(self, visitor: Visitor, event: Mapping[str, Any]) -> None:
-        if event["type"] == "websocket.disconnect":
-            raise WebSocketDisconnect
+    async def _take(self, visitor: Visitor, message: WSMessage) -> None:
         try:
-            if event.get("bytes") is not None:
-                self._frame(visitor, frame_from_client(event["bytes"]))
-            elif len(event["text"]) > LONGEST_REQUEST:
+            if message.type == WSMsgType.BINARY:
+                self._frame(visitor, frame_from_client(message.data))
+            elif len(message.data) > LONGEST_REQUEST:
                 raise WireError(f"a request has at most {LONGEST_REQUEST} characters")
             else:
-                await self._request(visitor, *request_from_text(event["text"]))
+                await self._request(visitor, *request_from_text(message.data))
         except WireError as error:
             visitor.complain(str(error))
 
@@ -261,9 +268,8 @@ class Foxglove:
                 for visitor in self._visitors:
                     self._announce(visitor)
                 self._follow()
-            for visitor in [one for one in self._visitors if not one.socket.scope["still"]()]:
-                with contextlib.suppress(RuntimeError):  # it has just disconnected
-                    await visitor.socket.close(EXPIRED)
+            for visitor in [one for one in self._visitors if not one.session.is_valid()]:
+                await visitor.socket.close(code=UNAUTHORISED)
             self._hurry.clear()
             await asyncio.sleep(SOONEST)
             with contextlib.suppress(TimeoutError):

@@ -1,7 +1,5 @@
 """Fetches single camera images on request of a page."""
 
-import base64
-
 import rospy
 from sensor_msgs.msg import Image
 
@@ -21,14 +19,11 @@ def image_topics() -> list[str]:
         return []
 
 
-def next_image(topic: str) -> str:
-    """Returns the next image of a topic as a JPEG data URL; subscribes only while waiting.
+def next_image(topic: str) -> bytes:
+    """Returns the next image of a topic as a JPEG; subscribes only while waiting.
 
     Raises:
         rospy.ROSException: timed out.
         ValueError: the image encoding is not supported.
     """
-    message = rospy.wait_for_message(topic, Image, PATIENCE)
-    return (
-        "data:image/jpeg;base64," + base64.b64encode(conversions.jpeg_from_image(message)).decode()
-    )
+    return conversions.jpeg_from_image(rospy.wait_for_message(topic, Image, PATIENCE))

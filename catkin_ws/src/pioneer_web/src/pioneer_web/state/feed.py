@@ -86,6 +86,7 @@ class Feed:
         """
         if self.is_open:
             return
+        self.station.watched_since = time.monotonic()
         listen = functools.partial(self._listen, beats=0)
         # The robots' poses first: with many robots, the last subscription is made a second later.
         listen("/tf", rospy.AnyMsg, self._on_tf, queue_size=None)

@@ -33,9 +33,9 @@ class _Collector(Collector):
         yield from self._links()
 
     def _robots(self) -> Iterator[Metric]:
-        faults = self._station.faults()
+        faults = self._station.robot_faults(self._now)
         rows = [
-            (robot, robot.robot_json(self._now), robot.fault(faults, self._now))
+            (robot, robot.robot_json(self._now), faults[robot.name])
             for robot in self._station.robots
         ]
         for name, key, text in (

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from pioneer_fleet.monitor.report import CARRYING
+from pioneer_web.state.alerts import Alerts
 from pioneer_web.state.robot import Robot
 
 LINES = 200
@@ -19,6 +20,8 @@ RULE = ("action", "gateway", "type", "name", "node", "state", "reason")
 _FLOW = {"rate": "rate [Hz]", "bytes": "throughput [byte/s]", "drops": "dropped"}
 LEVELS = {1: "debug", 2: "info", 4: "warning", 8: "error", 16: "fatal"}
 _LARGEST = 1e15
+SETTLING = 3.0
+"""Time after the subscriptions begin in which missing data is no alert [s]."""
 STANDS = 1.0
 """Time without a clock change after which the simulation counts as paused [s]."""
 
@@ -55,6 +58,9 @@ class Station:
         self._actors: list[list[Any]] = []
         self._log: dict[str, list[Any]] = {}
         self._lines = 0
+        self._alerts = Alerts()
+        #: since when the topics have been subscribed (monotonic) [s]
+        self.watched_since = math.inf
 
     def tick(self, simulated: float, now: float) -> None:
         """Records simulated time at ``now`` (monotonic) [s]."""
@@ -132,20 +138,37 @@ class Station:
                 names.append([name, round(x, 2), round(y, 2)])
         self._actors = names
 
-    def faults(self) -> dict[str, list[tuple[str, str]]]:
+    def rule_states(self) -> dict[str, list[tuple[str, str]]]:
         """Returns state and reason of each rule, by remote gateway."""
         found: dict[str, list[tuple[str, str]]] = {}
         for rule in self.rules:
             found.setdefault(rule["gateway"], []).append((rule["state"], rule["reason"]))
         return found
 
+    def note_faults(self, now: float, wall: float) -> None:
+        """Adds the robots' faults to the alerts, at ``now`` (monotonic) and ``wall`` (seconds since 1970)."""
+        if now - self.watched_since < SETTLING:
+            return
+        for robot, fault in self.robot_faults(now).items():
+            self._alerts.update(robot, fault, wall)
+
+    def robot_faults(self, now: float) -> dict[str, str]:
+        """Returns what is wrong with each robot, empty if nothing is."""
+        rules = self.rule_states()
+        # Nothing is late while the simulation stands.
+        judged_at = self._ticked if self._is_paused(now) and self._ticked > -math.inf else now
+        return {robot.name: robot.fault(rules, judged_at) for robot in self.robots}
+
+    def _is_paused(self, now: float) -> bool:
+        return now - self._ticked > STANDS
+
     def values(self, now: float) -> dict[str, Any]:
         """Returns all values that a page shows, by name; names of a robot's values begin with ``ROBOT.``."""
-        faults = self.faults()
+        faults = self.robot_faults(now)
         shown: dict[str, Any] = {
             "map": self._map,
             "time": round(self._time, 1),
-            "paused": now - self._ticked > STANDS,
+            "paused": self._is_paused(now),
             "factor": self.real_time_factor,
             "recording": self.recording,
             "replay": self.replay,
@@ -160,8 +183,9 @@ class Station:
             **self._log,
         }
         for robot in self.robots:
-            for name, value in robot.values(robot.fault(faults, now), now).items():
+            for name, value in robot.values(faults[robot.name], now).items():
                 shown[f"{robot.name}.{name}"] = value
+        shown["alerts"] = self._alerts.values()
         return shown
 
     def _network(self) -> dict[str, dict[str, Any]]:
