@@ -3,12 +3,14 @@
 import { merge } from "./model.js";
 
 const RETRY = 1000;  // until the next attempt [ms]
+const SILENCE = 4000;  // after which the connection counts as lost; the server sends something every second [ms]
 const UNAUTHORISED = 4401;
 
 let socket = null;
 let retry = 0;
 let hasData = false;
 let lostAt = null;
+let heardAt = 0;
 let whenAnswered = () => {};
 let whenChanged = () => {};
 
@@ -18,6 +20,7 @@ export function begin({ onAnswer, onChange }) {
   whenChanged = onChange;
   // A hidden page disconnects; when it is visible again, it gets a full snapshot.
   document.addEventListener("visibilitychange", () => document.hidden ? socket?.close() : connect());
+  setInterval(closeIfSilent, SILENCE / 4);
   connect();
 }
 
@@ -42,7 +45,18 @@ function connect() {
   socket.onclose = closed;
 }
 
+/** Gives up a connection over which nothing comes: a hung server closes none. */
+function closeIfSilent() {
+  if (!hasData || Date.now() - heardAt < SILENCE) return;
+  const silent = socket;
+  silent.onclose = silent.onmessage = null;
+  silent.close();
+  lostAt = heardAt;
+  closed({ code: 1006 });
+}
+
 function take(buffer) {
+  heardAt = Date.now();
   const news = JSON.parse(new TextDecoder().decode(buffer));
   const isBack = !hasData;
   hasData = true;

@@ -34,7 +34,7 @@ async function cameras() {
   try {
     return await (await fetch("/cameras")).json();
   } catch {
-    return [];  // no connection: the page's banner says so
+    return [];  // there is no connection, as the banner reports
   }
 }
 

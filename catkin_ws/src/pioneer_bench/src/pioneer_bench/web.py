@@ -28,6 +28,8 @@ TOKEN = "the-token-of-this-bench"
 CPU_GOALS = {1: 0.15, 10: 0.4}
 BYTES_GOAL = 200e3
 START = 120.0
+ROUNDS = 100
+"""Number of waypoints of a robot, 10 m apart."""
 SETTLE = 6.0
 """Longer than subscriptions remain after the last page has closed [s]."""
 
@@ -81,10 +83,12 @@ def _server(robots: int) -> Iterator[tuple[str, int]]:
         wait_until(lambda: _answers(group, url), "the page's server", START)
         with _page(url) as socket:
             for number in range(1, robots + 1):
-                # Far away, so that it drives, with plan and costmap, until the end of the bench.
+                # To and fro, so that it drives, with plan and costmap, until the end of the bench.
                 name = f"pioneer{number}"
-                sent = json.dumps({"do": "drive", "robots": [name], "x": 9000, "y": 0})
-                wait_until(functools.partial(_is_done, socket, sent), f"{name}'s goal", START)
+                for round_ in range(ROUNDS):
+                    place = {"x": 5.0 * (-1) ** round_, "y": 0.0, "append": round_ > 0}
+                    sent = json.dumps({"do": "drive", "robots": [name], **place})
+                    wait_until(functools.partial(_is_done, socket, sent), f"{name}'s goal", START)
         yield url, pid
 
 

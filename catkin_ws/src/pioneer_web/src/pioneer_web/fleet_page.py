@@ -12,6 +12,7 @@ import rospkg
 import rospy
 from rosgraph.names import is_legal_base_name
 
+from pioneer_fleet.geometry import Pose
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 from pioneer_node.nodes.entry import is_ending, on_shutdown, parameters, run, wait
 from pioneer_web.access.access_control import Access, Role
@@ -86,7 +87,11 @@ class FleetPageNode:
         masters = self._config.masters or f"base={rosgraph.get_master_uri()}"
         recording = Recording(Path(self._config.recordings).expanduser(), masters.split())
         on_shutdown(recording.close)
-        commander = Commander(recording)
+
+        def refusal(start: Pose | None, goal: Pose) -> str:
+            return feed.reach.refusal(start, goal) if feed.reach else ""
+
+        commander = Commander(recording, refusal)
         feed = Feed(Station(), commander.on_queue)
 
         def take_in() -> None:

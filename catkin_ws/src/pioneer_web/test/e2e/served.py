@@ -82,7 +82,7 @@ def served(folder, robots=2, rate=100, parameters=(), scheme="http", context=Non
             f"_recordings:={folder / 'recordings'}",
             *parameters,
         ]
-        group.start("page", page, environment, folder / "page.log")
+        pid = group.start("page", page, environment, folder / "page.log")
         url = f"{scheme}://127.0.0.1:{port}"
 
         wait_for_page(url, group.check, context)
@@ -94,7 +94,7 @@ def served(folder, robots=2, rate=100, parameters=(), scheme="http", context=Non
             wait_for_page(url, group.check, context)
 
         yield SimpleNamespace(
-            restart=restart,
+            restart=restart, pid=pid,
             url=url, master=master, log=folder / "page.log", token=TOKEN, viewer=VIEWER,
             request=functools.partial(request, url, context=context),
             login=functools.partial(login, url, context=context),

@@ -9,13 +9,15 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from gateway_msgs.msg import ErrorCodes, GatewayInfo
 from gateway_msgs.srv import Remote, RemoteResponse
-from geometry_msgs.msg import PoseStamped, TransformStamped, Twist
+from gazebo_msgs.srv import GetModelState, GetModelStateResponse
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TransformStamped, Twist
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, LaserScan
 from simple_navigation_goals.msg import WaypointQueue
 from std_msgs.msg import Empty, Float64, String
 from std_srvs.srv import Empty as EmptyService
+from std_srvs.srv import Trigger, TriggerResponse
 from tf2_msgs.msg import TFMessage
 
 RATE = 20.0
@@ -33,6 +35,7 @@ class Robot:
 
     def __init__(self, name, x, y, rates):
         self.name, self.x, self.y, self.yaw, self.speed, self.turn = name, x, y, 0.0, 0.0, 0.0
+        self.start = x, y
         self.goals, self.reached, self.received = [], 0, 0
         self.odom = rospy.Publisher(f"/{name}/odom", Odometry, queue_size=10)
         self.scan = rospy.Publisher(f"/{name}/base_scan", LaserScan, queue_size=10)
@@ -47,6 +50,7 @@ class Robot:
         rospy.Subscriber(f"/{name}/pioneer/cmd_vel", Twist, self.obey, queue_size=1)
         rospy.Subscriber(f"/{name}/map_goal_pose", PoseStamped, self.add)
         rospy.Subscriber(f"/{name}/map_goal_client/cancel", Empty, self.clear)
+        rospy.Subscriber(f"/{name}/initialpose", PoseWithCovarianceStamped, self.localise)
         self.load = rospy.Publisher(f"/{name}/computer", DiagnosticStatus, queue_size=1, latch=True)
         values = {"processors": "0.310", "memory [byte]": str(180 * 2**20)}
         self.load.publish(DiagnosticStatus(values=[KeyValue(*one) for one in values.items()]))
@@ -66,6 +70,14 @@ class Robot:
         self.goals.clear()
         self.command.publish(Twist())
         self.tell("dropped all waypoints")
+
+    def restart(self):
+        self.x, self.y = self.start
+        self.yaw = self.speed = self.turn = 0.0
+
+    def localise(self, message):
+        place = message.pose.pose.position
+        self.tell(f"localised at ({place.x:.1f}, {place.y:.1f})")
 
     def tell(self, text):
         message = WaypointQueue(
@@ -223,6 +235,19 @@ def main(count, rate, samples):
     paused = threading.Event()
     rospy.Service("/gazebo/pause_physics", EmptyService, lambda _: paused.set() or {})
     rospy.Service("/gazebo/unpause_physics", EmptyService, lambda _: paused.clear() or {})
+    rospy.Service(
+        "/gazebo/reset_world", EmptyService, lambda _: [one.restart() for one in robots] and {}
+    )
+    rospy.Service("/gazebo/step", Trigger, lambda _: TriggerResponse(paused.is_set(), "not paused"))
+
+    def model_state(request):
+        one = next(one for one in robots if one.name == request.model_name)
+        answer = GetModelStateResponse(success=True)
+        answer.pose.position.x, answer.pose.position.y = one.x, one.y
+        turned(answer.pose.orientation, one.yaw)
+        return answer
+
+    rospy.Service("/gazebo/get_model_state", GetModelState, model_state)
     rospy.Subscriber("/stand_in/lose", String, lambda one: state.publish(rules(names, one.data)))
 
     def join(_):

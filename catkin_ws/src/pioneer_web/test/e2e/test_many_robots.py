@@ -17,6 +17,8 @@ pytestmark = pytest.mark.filterwarnings(
 )
 COUNT, SOON = 15, 60.0
 NAMES = [f"pioneer{number}" for number in range(1, COUNT + 1)]
+ROUNDS = 20
+"""Number of waypoints of a robot, 10 m apart."""
 WATCHED = 3.0
 """How long the stream's bytes are counted [s]."""
 MOST_BYTES = 200_000
@@ -30,11 +32,15 @@ def fifteen(tmp_path_factory):
 
 
 def drives(socket, name):
-    """Sends a robot so far that it has plan and costmap until the end; returns whether it can be reached yet."""
-    socket.send(json.dumps({"do": "drive", "robots": [name], "x": 9000, "y": 0}))
-    while not isinstance(frame := socket.recv(SOON), str):
-        pass
-    return json.loads(frame)["answer"]["good"]
+    """Sends a robot to and fro, so that it has plan and costmap to the end; returns whether it can be reached yet."""
+    for number in range(ROUNDS):
+        place = {"x": 5.0 * (-1) ** number, "y": 0.0, "append": number > 0}
+        socket.send(json.dumps({"do": "drive", "robots": [name], **place}))
+        while not isinstance(frame := socket.recv(SOON), str):
+            pass
+        if not json.loads(frame)["answer"]["good"]:
+            return False
+    return True
 
 
 def test_fifteen_robots_are_on_the_map_and_in_the_table(fifteen, driver, shot):

@@ -1,6 +1,8 @@
 """The fleet page in a browser: it shows, drives and stops robots, and reports faults."""
 
 import math
+import os
+import signal
 import time
 from pathlib import Path
 
@@ -152,6 +154,54 @@ def test_a_lost_gateway_is_red_with_its_reason(driver, opened, fleet, shot):
     publish(fleet, "/stand_in/lose", "std_msgs/String", "nobody")
     wait_until(lambda: not opened.state("pioneer2.row")["fault"], "its return", SOON)
     assert time.monotonic() - began < SOON
+
+
+def answer(driver, words):
+    return wait_until(
+        lambda: words in driver.find_element(By.ID, "answers").text, f"the answer '{words}'", SOON
+    )
+
+
+def test_a_waypoint_in_a_wall_or_outside_the_map_is_refused_at_the_click(driver, opened):
+    received = opened.state("pioneer1.row")["received"]
+    for place, reason in (((6.0, 0.0), "a wall of the map"), ((200.0, 0.0), "outside the map")):
+        send_to(driver, *place)
+        answer(driver, reason)
+    send_to(driver, 7.5, 0.0)
+    answer(driver, "no way leads there")
+    assert opened.state("pioneer1.row")["received"] == received
+
+
+def test_a_reset_asks_first_and_localises_the_robots_where_they_started(driver, opened):
+    press(driver, "simulate-reset")
+    driver.find_element(By.CSS_SELECTOR, "dialog[open] button").click()  # Cancel
+    press(driver, "simulate-reset")
+    confirm(driver)
+    answer(driver, "robots localised where they started")
+    start = "localised at (-4.0, -2.0)"
+    wait_until(lambda: opened.state("pioneer1.row")["waypoint"] == start, start, SOON)
+
+
+def test_a_step_that_the_simulator_refuses_is_answered_with_its_reason(driver, opened):
+    press(driver, "simulate-step")
+    answer(driver, "simulator: not paused")
+
+
+def test_a_lost_connection_is_said_and_what_is_shown_ages(driver, opened, fleet, shot):
+    wait_until(lambda: opened.state("pioneer1.row")["odom"] is not None, "an age", SOON)
+    os.kill(fleet.pid, signal.SIGSTOP)
+    try:
+        banner = driver.find_element(By.ID, "banner")
+        wait_until(lambda: "No connection" in banner.text, "the banner", SOON)
+        stop = driver.find_element(By.CSS_SELECTOR, '[data-act="stop-all"]')
+        assert not stop.is_enabled()
+        age = "return document.querySelector('[data-robot=pioneer1] td:nth-child(6)').textContent"
+        wait_until(lambda: float(driver.execute_script(age).split()[0]) > 2.0, "an age", SOON)
+        shot("disconnected")
+    finally:
+        os.kill(fleet.pid, signal.SIGCONT)
+    wait_until(lambda: not banner.is_displayed(), "the connection", SOON)
+    assert stop.is_enabled()
 
 
 def test_a_reload_changes_nothing(driver, opened):

@@ -8,13 +8,14 @@ from typing import Any
 
 import rospy
 from actionlib_msgs.msg import GoalID
-from gazebo_msgs.srv import SpawnModel
+from gazebo_msgs.srv import GetModelState, SpawnModel
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist
 from std_msgs.msg import Empty as EmptyMessage
 from std_msgs.msg import Float64
-from std_srvs.srv import Empty
+from std_srvs.srv import Empty, Trigger
 
 from pioneer_fleet.geometry import Pose
+from pioneer_fleet.monitor.conversions import pose_from_message
 from pioneer_web.command.command import Command, CommandError
 from pioneer_web.command.patrol import FEWEST, Patrol
 from pioneer_web.command.recording import Recording
@@ -28,10 +29,10 @@ HELD = "~held"
 PATIENCE = 2.0
 """Time-out for the simulator's services [s]."""
 _SERVICES = {
-    "pause": "/gazebo/pause_physics",
-    "resume": "/gazebo/unpause_physics",
-    "step": "/gazebo/step",
-    "reset": "/gazebo/reset_world",
+    "pause": ("/gazebo/pause_physics", Empty),
+    "resume": ("/gazebo/unpause_physics", Empty),
+    "step": ("/gazebo/step", Trigger),
+    "reset": ("/gazebo/reset_world", Empty),
 }
 _VARIANCE = (0.25, 0.25, 0.07)
 """Variance of an initial pose in x, y [m²] and yaw [rad²], as in RViz's tool."""
@@ -53,8 +54,12 @@ class Commander:
     motion command with a zero at once.
     """
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(
+        self, recording: Recording, refusal: Callable[[Pose | None, Pose], str] = lambda *_: ""
+    ) -> None:
+        """Asks ``refusal`` why a robot at a pose cannot go to another one; it returns nothing if it can."""
         self._robots: dict[str, Robot] = {}
+        self._refusal = refusal
         self.recording = recording
         self._patrols: dict[str, Patrol] = {}
         self._actions: dict[str, Callable[..., str]] = {
@@ -111,7 +116,7 @@ class Commander:
 
     def _locate(self, robot: str, pose: Pose) -> str:
         self._publish(robot, "initialpose", _initial(pose))
-        return f"{robot} is at ({pose.x:.2f}, {pose.y:.2f})"
+        return f"{robot} is at ({pose.x:z.2f}, {pose.y:z.2f})"
 
     def _cancel(self, robots: Sequence[str]) -> str:
         for name in robots:
@@ -120,8 +125,24 @@ class Commander:
         return f"waypoints of {', '.join(robots)} dropped"
 
     def _simulate(self, action: str) -> str:
-        _call(_SERVICES[action], Empty)
-        return f"simulator: {action}"
+        name, kind = _SERVICES[action]
+        answer = _call(name, kind)
+        if kind is Trigger and not answer.success:
+            raise CommandError(f"simulator: {answer.message}")
+        return f"simulator: {action}" + (self._localise_all() if action == "reset" else "")
+
+    def _localise_all(self) -> str:
+        """Tells all robots' localisation where the simulator has put them; returns words on that."""
+        lost = []
+        for name in self._robots:
+            state = _call("/gazebo/get_model_state", GetModelState, model_name=name)
+            if state.success:
+                self._drop_waypoints(name)
+                self._publish(name, "initialpose", _initial(pose_from_message(state.pose)))
+            else:
+                lost.append(name)
+        said = ", robots localised where they started"
+        return f"{said} but {', '.join(lost)}, which the simulator does not have" if lost else said
 
     def _record(self, on: bool) -> str:
         return self.recording.start() if on else self.recording.stop()
@@ -135,12 +156,17 @@ class Commander:
         if held:
             raise CommandError(f"{', '.join(held)}: stopped; release first")
         for name, place in places.items():
+            if reason := self._refusal(self._robots[name].place, place):
+                raise CommandError(
+                    f"{name} cannot go to ({place.x:z.2f}, {place.y:z.2f}): {reason}"
+                )
+        for name, place in places.items():
             if self._publishers[name]["map_goal_pose"].get_num_connections() == 0:
                 raise CommandError(f"{name} cannot be reached: its gateway does not take waypoints")
             with self._replacing:
                 self._send(name, place, append)
         return ", ".join(
-            f"{name} to ({place.x:.2f}, {place.y:.2f})" for name, place in places.items()
+            f"{name} to ({place.x:z.2f}, {place.y:z.2f})" for name, place in places.items()
         )
 
     def _patrol(self, robots: Sequence[str], on: bool) -> str:

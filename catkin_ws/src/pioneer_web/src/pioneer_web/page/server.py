@@ -33,6 +33,9 @@ RETRY = 1.0
 """Retry interval if the master does not answer [s]."""
 LINGER = 5.0
 """Time subscriptions stay open before a page connects, and after the last one closes: a reload finds its data [s]."""
+SIGN_OF_LIFE = 1.0
+"""Interval of updates without a change, by which pages know that the server lives [s]."""
+NO_CHANGES = b"{}"
 SCRAPED = 60.0
 """Time subscriptions stay open after a request for metrics [s]."""
 ENDING = 1.0
@@ -130,6 +133,7 @@ class Server:
         self._colours: dict[str, str] = {}
         self._stream = Stream(_warn_of_value)
         self._viewers: set[Viewer] = set()
+        self._sent_at = 0.0
         self._wanted_until = 0.0
         self._woken = asyncio.Event()
         # A stop waits for no other command, and commands wait for nothing that viewers ask for.
@@ -359,6 +363,11 @@ class Server:
             self._colours = dict(zip(names, colours(len(names)), strict=True))
         values["fleet"] = self._colours
         changes = self._stream.update(values)
+        now = time.monotonic()
+        if changes:
+            self._sent_at = now
+        elif now - self._sent_at > SIGN_OF_LIFE:
+            changes, self._sent_at = NO_CHANGES, now
         for viewer in self._viewers:
             if viewer.lags and viewer.is_free:
                 viewer.lags = False

@@ -33,6 +33,7 @@ from pioneer_fleet.monitor.monitor import deviation_from_covariance
 from pioneer_fleet.tolerance import tolerant
 from pioneer_web.state import conversions
 from pioneer_web.state.picture import MAP, png
+from pioneer_web.state.reach import Reach
 from pioneer_web.state.robot import Robot
 from pioneer_web.state.station import Station
 
@@ -64,6 +65,7 @@ class Feed:
     def __init__(self, station: Station, on_queue: Callable[[Robot], None]) -> None:
         """Calls ``on_queue`` whenever a robot's waypoints have changed."""
         self.station, self.lock, self.map_png = station, threading.Lock(), b""
+        self.reach: Reach | None = None  #: where robots can drive on the map; None without one
         self._on_queue_changed = on_queue
         self._frames: dict[str, Robot] = {}
         self._mounts: dict[str, str] = {}
@@ -206,11 +208,12 @@ class Feed:
 
     def _on_map(self, message: Any) -> None:
         info = message.info
-        self.map_png = png(conversions.cells_from_grid(message), MAP)
-        corner, size = (
-            info.origin.position,
-            (info.width * info.resolution, info.height * info.resolution),
-        )
+        cells = conversions.cells_from_grid(message)
+        self.map_png = png(cells, MAP)
+        origin = pose_from_message(info.origin)
+        self.reach = Reach(cells, info.resolution, origin)
+        corner = info.origin.position
+        size = info.width * info.resolution, info.height * info.resolution
         self.station.set_map(corner.x, corner.y, *size)
 
     def _on_info(self, message: Any) -> None:
