@@ -3,7 +3,7 @@
 import asyncio
 import time
 from collections.abc import Awaitable, Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from aiohttp import web
 
@@ -24,12 +24,19 @@ _POLICY = {
 }
 
 
+class Turn(Protocol):
+    """Waits until one more request, or frame of this size [bytes], may be handled."""
+
+    async def __call__(self, size: int = 0) -> None:
+        """Waits."""
+
+
 class Session(NamedTuple):
     """What an authenticated client may do."""
 
     role: Role
     is_valid: Callable[[], bool]  #: whether it has not expired since
-    turn: Callable[[], Awaitable[None]]  #: waits until one more request or frame may be handled
+    turn: Turn  #: waits until one more request may be handled, or a frame of a size [bytes]
 
 
 Serve = Callable[[web.BaseRequest, Session], Awaitable[web.StreamResponse]]
@@ -94,7 +101,7 @@ class Guard:
 
         return Session(role, is_valid, self._turn_of(role))
 
-    def _turn_of(self, role: Role) -> Callable[[], Awaitable[None]]:
+    def _turn_of(self, role: Role) -> Turn:
         """Returns the limit of rate for a role: all viewers together have one, operators have none."""
         return _at_once if role >= Role.OPERATOR else self._pace.turn
 
@@ -146,7 +153,7 @@ def _always() -> bool:
     return True
 
 
-async def _at_once() -> None:
+async def _at_once(size: int = 0) -> None:
     pass
 
 

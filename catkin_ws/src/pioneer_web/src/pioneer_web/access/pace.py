@@ -3,8 +3,10 @@
 import asyncio
 import time
 
-RATE, BURST = 200.0, 60.0
+RATE, BURST = 100.0, 60.0
 """Requests and frames of all viewers together: maximum rate [1/s], and number that may arrive at once."""
+FREE = 1 << 14
+"""A frame counts once more for each of these [bytes]: handling it takes as much longer."""
 
 
 class Pace:
@@ -15,9 +17,10 @@ class Pace:
         self._ahead = burst / rate
         self._free_at = 0.0
 
-    async def turn(self) -> None:
-        """Waits until one more request or frame may be handled."""
+    async def turn(self, size: int = 0) -> None:
+        """Waits until one more request, or frame of this size [bytes], may be handled."""
         now = time.monotonic()
-        self._free_at = max(self._free_at, now - self._ahead) + 1 / self._rate
+        cost = 1 + size / FREE
+        self._free_at = max(self._free_at, now - self._ahead) + cost / self._rate
         if self._free_at > now:
             await asyncio.sleep(self._free_at - now)

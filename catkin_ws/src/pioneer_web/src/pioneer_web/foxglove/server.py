@@ -157,7 +157,7 @@ class Foxglove:
             self._announce(visitor)
         try:
             async for message in socket:
-                await session.turn()
+                await session.turn(len(message.data))
                 await self._take(visitor, message)
             if not session.is_valid():
                 await socket.close(code=UNAUTHORISED)

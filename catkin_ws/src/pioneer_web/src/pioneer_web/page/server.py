@@ -284,7 +284,7 @@ class Server:
             async for message in socket:
                 if message.type != WSMsgType.TEXT:
                     break
-                await session.turn()
+                await session.turn(len(message.data))
                 if not session.is_valid():
                     break
                 answer = await self._answer(message.data, session.role)
