@@ -194,3 +194,35 @@ else:
 
 def test_folders_of_packages_are_searched_once_but_for_new_packages(tmp_path: Path) -> None:
     assert subprocess.run([sys.executable, "-c", PACKAGES, tmp_path], check=False).returncode == 0
+
+
+BOMB = """
+import time, threading, xmlrpc.client
+import rosmaster.master
+master = rosmaster.master.Master(port=0)
+master.start()
+uri = master.uri
+entities = "".join(
+    f'<!ENTITY {name} "{8 * f"&{before};"}">' for before, name in zip("abcdef", "bcdefg")
+)
+body = (
+    f'<?xml version="1.0"?><!DOCTYPE l [<!ENTITY a "ha">{entities}]><methodCall>'
+    "<methodName>getPid</methodName><params><param><value>&g;</value></param></params></methodCall>"
+).encode()
+import urllib.request
+request = urllib.request.Request(uri, body, {"Content-Type": "text/xml"})
+began = time.process_time()
+answer = urllib.request.urlopen(request, timeout=20).read()
+print("used", time.process_time() - began)
+assert b"EntitiesForbidden" in answer, answer
+code, _, pid = xmlrpc.client.ServerProxy(uri).getPid("/test")
+assert code == 1 and pid
+import os; os._exit(0)
+"""
+
+
+def test_a_master_refuses_documents_with_entities_and_serves_others() -> None:
+    """ROS' own masters and nodes do, by defusedxml: no patch is needed."""
+    done = subprocess.run([sys.executable, "-c", BOMB], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout.split()[1]) < 0.1

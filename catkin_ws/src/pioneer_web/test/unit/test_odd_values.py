@@ -58,6 +58,13 @@ def test_a_robot_description_that_is_a_circle_or_no_xml_ends() -> None:
         mount_of("<robot", "laser")
 
 
+def test_a_description_with_entities_is_refused():
+    """Any client of the master may set it, and nested entities cost CPU time and memory."""
+    bomb = '<!DOCTYPE r [<!ENTITY a "x"><!ENTITY b "&a;&a;">]><robot name="&b;"/>'
+    with pytest.raises(MessageError, match="document type"):
+        mount_of(bomb, "laser")
+
+
 def test_what_does_not_cross_to_ros_2_is_listed_with_the_rules() -> None:
     station = Station()
     station.set_door([("/a to ROS 2", "it does not cross: no definition"), ("door", "it starts")])

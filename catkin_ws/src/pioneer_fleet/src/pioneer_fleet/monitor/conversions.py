@@ -61,6 +61,8 @@ def mount_of(description: str, link: str) -> Pose:
         MessageError: the description is not a URDF.
     """
     joints = dict[str, tuple[str, Pose]]()
+    if isinstance(description, str) and "<!DOCTYPE" in description:
+        raise MessageError("the robot description has a document type, whose entities may expand")
     try:
         root = ElementTree.fromstring(description)
     except (ElementTree.ParseError, TypeError) as error:
