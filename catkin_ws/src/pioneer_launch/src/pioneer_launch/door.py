@@ -23,6 +23,7 @@ __all__ = [
     "patch_node",
     "patch_observer",
     "replace_topics",
+    "resolved",
     "run",
     "set_ros_time",
     "start",
@@ -56,6 +57,11 @@ def run(module: str, function: str = "main") -> int | None:
 def start(command: Sequence[str]) -> Process:
     """Starts a command in a session of its own, without standard input; as a fork, if this process is a launcher."""
     return launcher.started(command)
+
+
+def resolved(command: Sequence[str]) -> list[str]:
+    """Returns a command with ``rosrun`` replaced by the program's path: rosrun would spawn ten processes to find it."""
+    return launcher.resolved(command)
 
 
 def launcher_starter() -> StartLauncher:

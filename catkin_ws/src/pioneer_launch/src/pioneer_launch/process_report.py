@@ -44,9 +44,10 @@ def deaths_in(text: str) -> Iterator[NodeDeath]:
 
 def report_deaths() -> None:
     """Makes the process monitors of this process append to the report, if the environment names one."""
-    path = os.environ.get(REPORT)
-    if not path:
+    name = os.environ.get(REPORT)
+    if not name:
         return
+    path = Path(name)
     from roslaunch import pmon
 
     start = pmon.start_process_monitor
@@ -55,7 +56,7 @@ def report_deaths() -> None:
         # Before any process is registered: ROSLaunchParent adds its listeners after it has started the nodes.
         monitor = start()
         if monitor is not None:
-            monitor.add_process_listener(_Listener(monitor, Path(path)))
+            monitor.add_process_listener(_Listener(monitor, path))
         return monitor
 
     pmon.start_process_monitor = start_process_monitor

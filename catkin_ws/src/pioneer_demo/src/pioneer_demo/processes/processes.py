@@ -136,7 +136,7 @@ class FleetProcesses:
             **command.environment,
             **self.networks.environment(robot),
         }
-        argv = self.networks.placed(robot, _found(command.argv))
+        argv = self.networks.placed(robot, door.resolved(command.argv))
         self._pids[command.name] = self.group.start(command.name, argv, environment, log, may_end)
 
     def _log_of(self, command: Command) -> Path:
@@ -250,15 +250,6 @@ def _report_of(log: Path) -> Path:
 
 def _log_of_report(report: Path) -> Path:
     return report.with_name(report.name.removesuffix(".deaths.jsonl") + ".log")
-
-
-def _found(argv: Sequence[str]) -> Sequence[str]:
-    """Returns ``argv`` with ``rosrun`` replaced by the program's path: rosrun would spawn ten processes to find it."""
-    if argv[0] == "rosrun":
-        for prefix in os.environ.get("CMAKE_PREFIX_PATH", "").split(os.pathsep):
-            if (path := Path(prefix, "lib", *argv[1:3])).is_file():
-                return [str(path), *argv[3:]]
-    return argv
 
 
 def _told(death: door.NodeDeath, launch_log: Path) -> tuple[str, str]:
