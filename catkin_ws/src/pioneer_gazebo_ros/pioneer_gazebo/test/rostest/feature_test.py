@@ -117,6 +117,7 @@ class FeatureTest(unittest.TestCase):
         cloud = first("/slider/kinect/points", PointCloud2)
         assert (cloud.width, cloud.height, len(cloud.data)) == (80, 60, 80 * 60 * 12)
         assert first("/slider/kinect/depth/image_raw", Image).encoding == "32FC1"
+        assert first("/slider/kinect/depth/camera_info", CameraInfo).width == 80
 
     def test_a_robot_under_ros_control_drives_by_the_yaml_in_its_namespace(self) -> None:
         spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", srv.SpawnModel)

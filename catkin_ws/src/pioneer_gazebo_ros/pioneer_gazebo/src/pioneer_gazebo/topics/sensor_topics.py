@@ -135,13 +135,17 @@ def _contact_state(port: Port, own: str, contact: Contact) -> ContactState:
 def camera_topics(port: Port, config: Camera) -> None:
     """Publishes ``image_raw`` (Image) and ``camera_info`` (CameraInfo) below the camera's name, with equal stamps.
 
-    A depth camera also publishes depth (Image, 32FC1) and points (PointCloud2). The simulation waits for each image; if
-    rendering takes too much time, images are dropped (`Budget`).
+    A depth camera also publishes depth (Image, 32FC1) with a ``camera_info``, and points (PointCloud2). The simulation
+    waits for each image; if rendering takes too much time, images are dropped (`Budget`).
     """
     simulation, frame = port.simulation, port.frame(config.frame)
     noise = simulation.noise(port.entity, config)
     image = port.topic(f"{config.name}/{config.image_topic}", Image)
-    info = port.topic(f"{config.name}/{config.info_topic}", CameraInfo)
+    infos = [
+        port.topic(f"{config.name}/{name}", CameraInfo)
+        for name in (config.info_topic, config.depth_info_topic)
+        if name
+    ]
     intrinsics = sensor_messages.info_of(config)
 
     depth = port.topic(f"{config.name}/{config.depth_topic}", Image) if config.depth_topic else None
@@ -170,12 +174,13 @@ def camera_topics(port: Port, config: Camera) -> None:
         port.context.budget.draw(f"{port.entity.name}/{config.name}", draw)
 
     def publish_info(tick: int) -> None:
-        info.send(messages.stamped_frame(intrinsics, nanoseconds(tick), frame))
+        for info in infos:
+            send(info, tick, lambda: intrinsics)
 
     port.every(
         config.update_rate, config.image_topic, publish_image, *filter(None, (image, depth, cloud))
     )
-    port.every(config.update_rate, config.info_topic, publish_info, info)
+    port.every(config.update_rate, config.info_topic, publish_info, *infos)
 
 
 def imu_topics(port: Port, config: Imu) -> None:

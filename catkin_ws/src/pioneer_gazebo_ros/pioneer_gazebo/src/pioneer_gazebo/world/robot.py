@@ -188,6 +188,7 @@ class Camera(LinkSensor):
         0.0  #: distance to the left camera of a stereo pair [m], in ``camera_info``
     )
     depth_topic: str = ""  #: topic of the depth image [m]; empty for none
+    depth_info_topic: str = ""  #: topic of the depth image's ``CameraInfo``; empty for none
     cloud_topic: str = ""  #: topic of the depth image as points; empty for none
 
 

@@ -174,6 +174,7 @@ def _depth_topics(element: Element, plugin: Element) -> dict[str, str]:
         return {}
     return {
         "depth_topic": plugin.word("depthImageTopicName", "depth/image_raw"),
+        "depth_info_topic": plugin.word("depthImageCameraInfoTopicName", "depth/camera_info"),
         "cloud_topic": plugin.word("pointCloudTopicName", "points"),
     }
 
