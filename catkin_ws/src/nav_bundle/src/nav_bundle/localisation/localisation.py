@@ -201,7 +201,9 @@ class Localisation:
         resampled = self._updates % config.resample_interval == 0
         if resampled:
             self._filter.resample(
-                partial(_likely, self._free, likelihoods, RIVALS, self._sensor.capacity // 10)
+                partial(_likely, self._free, likelihoods, RIVALS, self._sensor.capacity // 10),
+                recovers=self._doubts > 0
+                or not (self._config.refine_estimate and isinstance(self._sensor, LikelihoodField)),
             )
         if not (resampled or first):
             return Update(None, None)

@@ -123,13 +123,13 @@ class ParticleFilter:
     def _followed(mean: float, value: float, rate: float) -> float:
         return value if mean == 0.0 else mean + rate * (value - mean)
 
-    def resample(self, random_poses: PoseSource) -> None:
+    def resample(self, random_poses: PoseSource, recovers: bool = True) -> None:
         """Resamples the particles by their weights; the number adapts to their spread (KLD sampling).
 
         Draws are evenly spaced over the weights (low variance), since independent draws can lose the few particles
         at the true pose by chance. If scans have recently become less likely than in the long run, a share of at most
         ``LARGEST_SHARE`` is drawn from ``random_poses`` until the likelihood has recovered (augmented MCL; Noetic's
-        amcl resets both averages after the first such draw).
+        amcl resets both averages after the first such draw); none if not ``recovers``.
         """
         config, generator = self._config, self._generator
         if config.selective_resampling and 1.0 / float((self.weights**2).sum()) > 0.5 * len(
@@ -138,7 +138,7 @@ class ParticleFilter:
             return
         most = config.max_particles
         fall = 1.0 - self._fast / self._slow if self._slow > 0.0 else 0.0
-        share = min(max(0.0, fall), LARGEST_SHARE)
+        share = min(max(0.0, fall), LARGEST_SHARE) if recovers else 0.0
         uniforms = (generator.random() + GOLDEN * np.arange(most)) % 1.0
         renew, fresh = np.zeros(most, np.uint8), np.zeros((most, 3))
         if share > 0.0:
