@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from typing import TYPE_CHECKING, NoReturn
 
 import rospy
@@ -269,7 +270,7 @@ class FleetRun:
             ROS_LOG_DIR=str(self._config.log.resolve() / "ros"),
         )
         patch_observer()
-        rospy.init_node(OBSERVER, disable_signals=True)
+        self._register_observer()
         if self._config.rings:
             from pioneer_demo.run.course import Course
 
@@ -282,6 +283,34 @@ class FleetRun:
         self._flips = FlipRequest(OBSERVER, self._config.names, flipped)
         self._flips.start()
         return self._flips.accepted
+
+    def _register_observer(self) -> None:
+        """Initialises rospy, which waits for the master without limit: in a thread, so that this wait has one.
+
+        Raises:
+            StartError: the master does not answer in time.
+            ProcessDiedError: it has died.
+        """
+        registered = Future[None]()
+
+        def register() -> None:
+            try:
+                rospy.init_node(OBSERVER, disable_signals=True)
+            except Exception as error:  # noqa: BLE001 - raised again by the thread that waits
+                registered.set_exception(error)
+            else:
+                registered.set_result(None)
+
+        threading.Thread(target=register, name="registration", daemon=True).start()
+        began = time.monotonic()
+        while not registered.done():
+            if time.monotonic() - began > self.patience:
+                raise StartError(
+                    f"timed out after {self.patience:.0f} s waiting for Hub_Gateway's ROS master to register "
+                    "the observer"
+                )
+            self.look(None, self._phase)
+        registered.result()
 
     def _text(self, lines: Callable[[Fleet], list[str]]) -> list[str]:
         with self.lock:
