@@ -178,5 +178,21 @@ def test_a_scan_that_reaches_farther_than_any_map_costs_no_memory() -> None:
     assert _passing(Pose(5.0, 3.5), beams, CLEARANCE) == 1.0
 
 
+@pytest.mark.parametrize("seed", [3, 4])
+def test_unmapped_boxes_let_no_random_particles_in(seed: int) -> None:
+    """They make scans less likely, and recovery used to scatter a right estimate."""
+    generator = np.random.default_rng(1000 + seed)
+    cells = BUILDING.cells.copy()
+    for _ in range(10):
+        x, y = generator.uniform([0.8, 0.8], [9.2, 6.2])
+        width, height = generator.uniform(0.3, 1.0, 2)
+        row, col = BUILDING.cell_at(x, y)
+        last_row, last_col = BUILDING.cell_at(min(x + width, 9.4), min(y + height, 6.6))
+        cells[row : last_row + 1, col : last_col + 1] = OCCUPIED
+    trial = Trial(RECOVERING, seed, Grid(BUILDING.resolution, BUILDING.origin, cells))
+    trial.localisation.set_pose(trial.pose, np.eye(3) * 0.01)
+    assert all(trial.right() for _ in trial.wander(60.0))
+
+
 def test_without_recovery_a_robot_carried_off_stays_lost() -> None:
     assert kidnapped(CONFIG, 0) == math.inf
