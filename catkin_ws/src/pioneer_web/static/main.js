@@ -27,7 +27,7 @@ let missed = {};
 // ---- what the server sends
 
 onNews(news => {
-  if (news.fleet && !selection().length) select(robotNames()[0]);
+  if (news.fleet && !selection().length && robotNames().length) select(robotNames()[0]);
   // Hidden tables are brought up to date when their tab is opened.
   Object.assign(missed, news);
   show();
@@ -90,7 +90,7 @@ function showConnection() {
 function showAges() {
   if (connection.isConnected()) return;
   element("banner").textContent =
-    `No connection to the fleet's page for ${connection.lostFor().toFixed(0)} s: what is shown is as old as that. Trying again …`;
+    `No connection for ${connection.lostFor().toFixed(0)} s: all figures are at least as old. Connecting again …`;
   showTable();
 }
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from nav_bundle.check_parameters import faults
+from nav_bundle.check_parameters import faults, shipped_parameters
 
 
 def test_right_parameters_and_those_of_other_nodes_have_no_fault() -> None:
@@ -39,3 +39,12 @@ def test_a_wrong_name_or_value_is_found(
     (fault,) = faults({name: value})
     assert words in fault
     assert not caplog.text
+
+
+def test_the_shipped_files_have_no_fault_and_a_value_is_judged_beside_them() -> None:
+    shipped = shipped_parameters()
+    assert shipped["move_base/TrajectoryPlannerROS/max_vel_x"] == 1.0
+    assert faults(shipped) == []
+    # Noetic's default of max_vel_x is 0.5.
+    assert faults({**shipped, "move_base/TrajectoryPlannerROS/min_vel_x": 0.6}) == []
+    assert faults({**shipped, "move_base/TrajectoryPlannerROS/min_vel_x": 1.6})

@@ -152,7 +152,9 @@ def launcher_starter(
             return None
         if early_differences(os.environ, environment):
             return None
-        return server.start(command, environment, os.getcwd(), output, output, lend=True)
+        with contextlib.suppress(ForkServerError):  # it cannot fork: the caller has another way
+            return server.start(command, environment, os.getcwd(), output, output, lend=True)
+        return None
 
     return start
 

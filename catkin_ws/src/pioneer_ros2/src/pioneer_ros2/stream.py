@@ -370,6 +370,10 @@ class ImportTopic:
         """Sends what waits if there is a subscriber by now; drops what is too old."""
         if self._is_closed:
             return
+        if self.is_held:
+            # What waited from before the emergency stop must not move the robot after it.
+            self._waiting.clear()
+            return
         publisher = self._opened()
         oldest = time.monotonic() - _PATIENCE
         while self._waiting and publisher.has_subscribers:

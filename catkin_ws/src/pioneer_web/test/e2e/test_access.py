@@ -132,6 +132,14 @@ def test_a_token_becomes_a_session_that_scripts_cannot_read(fleet):
     assert fleet.request("/login", data=b"x" * 100_000)[0] == 401
 
 
+def test_odd_cookies_of_other_applications_on_this_host_lock_nobody_out(fleet):
+    cookie = fleet.login(fleet.token)
+    assert fleet.request("/", cookie=f"b/c@{{x}}=1; {cookie}")[0] in (200, 401)
+    assert fleet.request("/map.png", cookie="a,b/c=1; d=2")[0] == 401
+    status, _, _ = fleet.request("/", cookie="b/c=1", Authorization=f"Bearer {fleet.viewer}")
+    assert status == 200
+
+
 def test_a_page_of_another_origin_gets_no_socket_with_the_users_cookie(fleet):
     cookie = fleet.login(fleet.token)
     with (

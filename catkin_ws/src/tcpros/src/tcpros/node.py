@@ -168,6 +168,19 @@ def _ignore(_: object) -> None:
     """Does nothing."""
 
 
+def _unless_notified(
+    watched: "TopicSource | _Watched", done: Callable[[Any], object]
+) -> Callable[[Any], object]:
+    """Returns ``done`` for the master's present answer: it is dropped if a newer notification has come before it."""
+    before = watched.notifications
+
+    def answered(value: Any) -> None:
+        if watched.notifications == before:
+            done(value)
+
+    return answered
+
+
 class Node:
     """One node. All methods must be called in the reactor's thread.
 
@@ -316,11 +329,17 @@ class Node:
             call("registerPublisher", topic, publication.type, self.uri)
         for topic, sources in self._subscribed.items():
             for source in sources:
-                call("registerSubscriber", topic, source.type, self.uri, done=source.update)
+                call(
+                    "registerSubscriber",
+                    topic,
+                    source.type,
+                    self.uri,
+                    done=_unless_notified(source, source.update),
+                )
         for service in self._services:
             call("registerService", service, self._service_uri, self.uri)
         for parameter, watched in self._watched.items():
-            call("subscribeParam", self.uri, parameter, done=watched)
+            call("subscribeParam", self.uri, parameter, done=_unless_notified(watched, watched))
 
     def close(self, done: Callable[[], object]) -> None:
         """Unregisters everything from the master, closes all connections, then calls ``done``."""

@@ -1,6 +1,7 @@
 """The slam_gmapping node: SLAM with the interface of ROS Noetic's gmapping."""
 
 import threading
+from collections import Counter
 
 import numpy as np
 import rospy
@@ -63,7 +64,7 @@ class SlamGmappingNode:
         )
         self._arrived = threading.Condition()
         self._newest: dict[str, ScanMessage] = {}  # the newest scan of each laser, by its frame
-        self._scans = 0
+        self._scans = Counter[str]()  #: number of scans so far, by frame
         self._dropping = StandingWarning("scans are used now")
         self._map: GridMessage | None = None
         self._clock = ClockWatch(simulated=not rospy.rostime.is_wallclock())
@@ -89,9 +90,11 @@ class SlamGmappingNode:
 
     def _on_scan(self, message: ScanMessage) -> None:
         with self._arrived:
-            self._scans += 1
-            if (self._scans - 1) % self._config.throttle_scans == 0:
-                self._newest[message.header.frame_id] = message
+            frame = message.header.frame_id
+            number = self._scans[frame]
+            self._scans[frame] += 1
+            if number % self._config.throttle_scans == 0:
+                self._newest[frame] = message
                 self._arrived.notify()
 
     def _on_dynamic_map(self, _: GetMapRequest) -> GetMapArrayResponse:

@@ -187,9 +187,9 @@ class Scenario:
         }
         if of_robots:
             # The import takes 0.2 s of CPU, which scenarios without parameters need not spend.
-            from nav_bundle.check_parameters import faults
+            from nav_bundle.check_parameters import faults, shipped_parameters
 
-            for complaint in faults(of_robots):
+            for complaint in faults({**shipped_parameters(), **of_robots}):
                 # The first name in the text is the one at fault.
                 wrong = re.search(r"~([\w/]+)", complaint)
                 names = [name for name in of_robots if wrong and name.endswith(f"/{wrong[1]}")]

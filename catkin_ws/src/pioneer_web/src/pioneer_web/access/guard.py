@@ -1,6 +1,7 @@
 """Authentication for everything that is served: sessions, tokens, origins."""
 
 import asyncio
+import http.cookies
 import time
 from collections.abc import Awaitable, Callable
 from typing import NamedTuple, Protocol
@@ -106,7 +107,10 @@ class Guard:
         return _at_once if role >= Role.OPERATOR else self._pace.turn
 
     def _cookie_of(self, request: web.BaseRequest) -> str:
-        return request.cookies.get(self.cookie, "")
+        try:
+            return request.cookies.get(self.cookie, "")
+        except http.cookies.CookieError:  # of another application on this host
+            return ""
 
     def _is_foreign(self, request: web.BaseRequest) -> bool:
         headers = request.headers

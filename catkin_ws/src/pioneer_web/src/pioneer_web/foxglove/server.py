@@ -157,6 +157,8 @@ class Foxglove:
             self._announce(visitor)
         try:
             async for message in socket:
+                if message.type not in (WSMsgType.TEXT, WSMsgType.BINARY):  # it broke the protocol
+                    break
                 await session.turn(len(message.data))
                 await self._take(visitor, message)
             if not session.is_valid():
@@ -260,6 +262,7 @@ class Foxglove:
             with contextlib.suppress(
                 ClientError, OSError
             ):  # the master is unavailable: retried below
+                self._hurry.clear()
                 read = {
                     topic for visitor in self._visitors for topic in visitor.subscriptions.values()
                 }
@@ -270,7 +273,6 @@ class Foxglove:
                 self._follow()
             for visitor in [one for one in self._visitors if not one.session.is_valid()]:
                 await visitor.socket.close(code=UNAUTHORISED)
-            self._hurry.clear()
             await asyncio.sleep(SOONEST)
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._hurry.wait(), LOOK_EVERY - SOONEST)

@@ -13,7 +13,7 @@ import pytest
 from pioneer_harness.masters import Master
 from pioneer_harness.wait import wait_until
 from rocon_gateway.master.leftovers import remove_leftovers
-from rocon_gateway.master.liveness import NodeExaminer, refuses
+from rocon_gateway.master.liveness import NodeExaminer, process_of, refuses
 from rocon_relay.connection import proxy_uri
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
@@ -111,3 +111,9 @@ def test_a_restarted_gateway_removes_its_dead_proxies_only(master: Master, uniqu
         assert sorted(publishers["/chatter"]) == ["/crashed", "/far/twin", "/other/dead"]
         assert "/second" not in publishers
         assert services == {}
+
+
+@pytest.mark.parametrize("uri", ["http://[::1:1/", "http://:1234/", "http://host:99999/", "x", ""])
+def test_an_address_that_is_none_is_not_dead_and_raises_nothing(uri):
+    assert not refuses(uri)
+    assert process_of(uri, "/test") is None

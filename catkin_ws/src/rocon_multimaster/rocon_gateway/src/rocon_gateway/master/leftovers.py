@@ -1,6 +1,7 @@
 """Removes what a killed gateway of our name left on our master: proxies that nobody serves any more."""
 
 import os
+import time
 from collections.abc import Iterator
 
 from rocon_gateway.master.line import MasterError
@@ -10,6 +11,8 @@ from rocon_gateway.rules.matching import base_name
 from rocon_hub_protocol.rule import Kind
 from rocon_relay.connection import gateway_in_proxy_uri, proxy_uri
 
+PATIENCE = 5.0
+"""Time after which no further proxy is examined [s]: hosts that do not answer must not delay the gateway's start."""
 _UNREGISTER = {Kind.PUBLISHER: "unregisterPublisher", Kind.SUBSCRIBER: "unregisterSubscriber"}
 
 
@@ -17,7 +20,8 @@ def remove_leftovers(master_uri: str, node: str, gateway: str) -> list[str]:
     """Unregisters the dead proxies of earlier gateways of our name; returns their node names, sorted.
 
     Call it before this gateway registers proxies of its own. A proxy is dead if its port refuses connections, or if
-    this process has the port now. The proxies of a gateway that runs or is frozen are left alone.
+    this process has the port now. The proxies of a gateway that runs or is frozen are left alone. The search ends
+    after `PATIENCE`.
 
     Args:
         master_uri: URI of the master.
@@ -46,7 +50,10 @@ def _dead(
 ) -> Iterator[tuple[str, str]]:
     """Yields name and URI of each dead proxy."""
     own_name = gateway_in_proxy_uri(proxy_uri("", 0, gateway))
+    until = time.monotonic() + PATIENCE
     for name in names:
+        if time.monotonic() > until:
+            return
         try:
             uri = str(master.call("lookupNode", name))
         except MasterError:

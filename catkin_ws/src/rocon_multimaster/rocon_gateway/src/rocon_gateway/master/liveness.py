@@ -51,9 +51,9 @@ class MasterCaller:
 
 def refuses(uri: str) -> bool:
     """Returns whether the host of a URI answers that nothing listens at its port."""
-    parts = urllib.parse.urlsplit(uri)
     try:
-        if not parts.port:
+        parts = urllib.parse.urlsplit(uri)
+        if not (parts.hostname and parts.port):
             return False
         socket.create_connection((parts.hostname, parts.port), TIMEOUT).close()
     except ConnectionRefusedError:
@@ -65,7 +65,10 @@ def refuses(uri: str) -> bool:
 
 def process_of(uri: str, caller: str) -> int | None:
     """Returns the PID of the process that serves a node's slave API; None if it does not answer."""
-    line = MasterLine(uri)
+    try:
+        line = MasterLine(uri)
+    except ValueError:  # the URI is none
+        return None
     try:
         return int(value(line.ask(request("getPid", caller))))
     except (http.client.HTTPException, OSError, MasterError, TypeError, ValueError):
