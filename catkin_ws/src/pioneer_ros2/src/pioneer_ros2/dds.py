@@ -233,6 +233,8 @@ class Reader:
             qos=_requested(qos, converter),
             listener=listener,
         )
+        # What arrived before the binding knew the new reader.
+        self._take(self._reader)
 
     @property
     def guid(self) -> bytes:
@@ -249,8 +251,9 @@ class Reader:
         """The policy for which the last writer that does not match was refused; empty if there was none."""
         return _policy(self._reader.get_requested_incompatible_qos_status())
 
-    def _take(self, reader: DataReader[Any]) -> None:
-        if self._closed:
+    def _take(self, reader: DataReader[Any] | None) -> None:
+        """Passes on what has arrived; the binding does not know a reader that is being made or deleted: None."""
+        if self._closed or reader is None:
             return
         samples = ddspy_take(reader._ref, _ANY_STATE, _MOST_TAKEN)
         if isinstance(samples, int):

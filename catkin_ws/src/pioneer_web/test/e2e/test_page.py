@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 import pytest
+import rosgraph
 from page_driver import MOVE, PHONE, SOON, assert_fits_a_phone, confirm, press, send_to
 from selenium.webdriver.common.by import By
 from served import VIEWER, publish
@@ -172,14 +173,20 @@ def test_a_waypoint_in_a_wall_or_outside_the_map_is_refused_at_the_click(driver,
     assert opened.state("pioneer1.row")["received"] == received
 
 
-def test_a_reset_asks_first_and_localises_the_robots_where_they_started(driver, opened):
+def test_a_reset_asks_first_and_localises_the_robots_where_they_started(driver, opened, fleet):
     press(driver, "simulate-reset")
     driver.find_element(By.CSS_SELECTOR, "dialog[open] button").click()  # Cancel
     press(driver, "simulate-reset")
     confirm(driver)
     answer(driver, "robots localised where they started")
-    start = "localised at (-4.0, -2.0)"
-    wait_until(lambda: opened.state("pioneer1.row")["waypoint"] == start, start, SOON)
+
+    def localised():
+        try:
+            return fleet.master.get_param("/stand_in/pioneer1/localised")
+        except rosgraph.MasterError:
+            return None
+
+    wait_until(lambda: localised() == [-4.0, -2.0], "the initial pose", SOON)
 
 
 def test_a_step_that_the_simulator_refuses_is_answered_with_its_reason(driver, opened):
