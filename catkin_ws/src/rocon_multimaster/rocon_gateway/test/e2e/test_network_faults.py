@@ -128,7 +128,8 @@ def test_a_host_that_disappears_is_noticed_within_10_s_and_reconnects(machine, f
     back = time.monotonic()
     wait_until(lambda: since(log, back), "messages again", 20)
     report("link mended, messages again", time.monotonic() - back)
-    wait_until(lambda: base.states()["flip /small"] == "active", "active", 5)
+    # The advice about the network of an earlier test may still stand beside it.
+    wait_until(lambda: base.states()["flip /small"].startswith("active"), "active", 5)
     assert noticed <= 10.0
     numbers = [number for _, number, _ in checked(log)]
     assert numbers == sorted(set(numbers)), "none came twice"

@@ -3,6 +3,7 @@
 One hub, two gateways and five nodes serve all tests of this file.
 """
 
+import socket
 import subprocess
 import sys
 from collections.abc import Callable
@@ -191,25 +192,32 @@ def test_what_was_flipped_here_is_not_advertised_here(sites) -> None:
 
 def test_a_taken_service_name_is_blocked_until_its_server_is_gone(sites) -> None:
     base, robot = sites
-    local = robot.master.proxy("/local")
-    local.registerService("/add_two_ints", "rosrpc://127.0.0.1:1", "http://127.0.0.1:1/")
-    assert base.flip("robot", "service", "/add_two_ints") == 0
-    refused = "refused: /add_two_ints is served by /local here already"
-    wait_until(lambda: base.states()["flip /add_two_ints"] == refused, "refused", 5)
-    assert [one.status for one in base.info().flipped_connections] == ["blocked"]
-    assert robot.master.system_state()[2]["/add_two_ints"] == ["/local"]
-    local.unregisterService("/add_two_ints", "rosrpc://127.0.0.1:1")
-    wait_until(lambda: base.states()["flip /add_two_ints"] == "active", "active", 5)
-    local.registerService("/add_two_ints", "rosrpc://127.0.0.1:1", "http://127.0.0.1:1/")
-    wait_until(
-        lambda: base.states()["flip /add_two_ints"] == refused, "a local server takes its name", 5
-    )
-    local.unregisterService("/add_two_ints", "rosrpc://127.0.0.1:1")
-    assert base.flip("robot", "service", "/add_two_ints", cancel=True) == 0
-    wait_until(
-        lambda: "/add_two_ints" not in robot.master.system_state()[2], "unregistered", GONE_WITHIN
-    )
-    wait_until(lambda: not base.states()["flip /add_two_ints"], "the rule is gone", 5)
+    # Something listens at the local server's address: a dead one would not keep its name.
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        address = f"127.0.0.1:{listening.getsockname()[1]}"
+        local = robot.master.proxy("/local")
+        local.registerService("/add_two_ints", f"rosrpc://{address}", f"http://{address}/")
+        assert base.flip("robot", "service", "/add_two_ints") == 0
+        refused = "refused: /add_two_ints is served by /local here already"
+        wait_until(lambda: base.states()["flip /add_two_ints"] == refused, "refused", 5)
+        assert [one.status for one in base.info().flipped_connections] == ["blocked"]
+        assert robot.master.system_state()[2]["/add_two_ints"] == ["/local"]
+        local.unregisterService("/add_two_ints", f"rosrpc://{address}")
+        wait_until(lambda: base.states()["flip /add_two_ints"] == "active", "active", 5)
+        local.registerService("/add_two_ints", f"rosrpc://{address}", f"http://{address}/")
+        wait_until(
+            lambda: base.states()["flip /add_two_ints"] == refused,
+            "a local server takes its name",
+            5,
+        )
+        local.unregisterService("/add_two_ints", f"rosrpc://{address}")
+        assert base.flip("robot", "service", "/add_two_ints", cancel=True) == 0
+        wait_until(
+            lambda: "/add_two_ints" not in robot.master.system_state()[2],
+            "unregistered",
+            GONE_WITHIN,
+        )
+        wait_until(lambda: not base.states()["flip /add_two_ints"], "the rule is gone", 5)
 
 
 def run(site, *command: str) -> str:
