@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -182,18 +181,6 @@ class Scenario:
                 raise DocumentError(
                     f"{name} is not a parameter of a robot's node or of /gazebo", "parameters", name
                 )
-        of_robots = {
-            name: value for name, value in self.parameters.items() if not name.startswith("/")
-        }
-        if of_robots:
-            # The import takes 0.2 s of CPU, which scenarios without parameters need not spend.
-            from nav_bundle.check_parameters import faults, shipped_parameters
-
-            for complaint in faults({**shipped_parameters(), **of_robots}):
-                # The first name in the text is the one at fault.
-                wrong = re.search(r"~([\w/]+)", complaint)
-                names = [name for name in of_robots if wrong and name.endswith(f"/{wrong[1]}")]
-                raise DocumentError(complaint, "parameters", *names[:1])
 
     @property
     def names(self) -> tuple[str, ...]:

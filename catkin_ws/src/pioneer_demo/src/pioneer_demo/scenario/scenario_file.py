@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -75,10 +76,33 @@ def scenario_of(content: Any, path: Path, lines: dict[Place, int]) -> Scenario:
         raise DocumentError(str(error)) from None
     scenario = dataclasses.replace(said, world=world, navigation=navigation, robots=robots)
     try:
+        _check_parameters(scenario)
         _check_places(scenario)
     except DocumentError as error:
         raise located(error, path, lines) from None
     return scenario
+
+
+def _check_parameters(scenario: Scenario) -> None:
+    """Checks the robots' navigation parameters, beside those that robots have from ``pioneer_2dnav``.
+
+    Parameter files of the scenario's own may say anything else: then only the nodes can check.
+
+    Raises:
+        DocumentError: a name is unknown, or a value is refused.
+    """
+    own = {name: value for name, value in scenario.parameters.items() if not name.startswith("/")}
+    robots = () if isinstance(scenario.robots, int) else scenario.robots
+    if not own or scenario.navigation or any(robot.navigation for robot in robots):
+        return
+    # The import takes 0.2 s of CPU, which scenarios without parameters need not spend.
+    from nav_bundle.check_parameters import faults, shipped_parameters
+
+    for complaint in faults({**shipped_parameters(), **own}):
+        # The first name in the text is the one at fault.
+        wrong = re.search(r"~([\w/]+)", complaint)
+        names = [name for name in own if wrong and name.endswith(f"/{wrong[1]}")]
+        raise DocumentError(complaint, "parameters", *names[:1])
 
 
 def _check_places(scenario: Scenario) -> None:
