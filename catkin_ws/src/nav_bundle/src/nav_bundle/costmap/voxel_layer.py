@@ -17,6 +17,8 @@ Columns = NDArray[np.uint16]
 
 _BITS = np.array([value.bit_count() for value in range(1 << 16)], np.uint8)
 """Number of bits set, by value of a column."""
+_RAYS = 1000
+"""Number of rays followed at the same time: what they need grows with their number times the longest one's steps."""
 _UNDER_FOOTPRINT = 1
 """Stands in the cells, for a moment, for those under the robot; no cost of this layer has this value."""
 
@@ -89,7 +91,7 @@ class VoxelLayer(ObstacleLayer):
         for seen in mine:
             ends = self._ends(geometry, seen)
             if seen.source.clearing:
-                self._note(crossed, self._along_rays(geometry, seen, ends))
+                self._note_rays(crossed, geometry, seen, ends)
                 kept: Columns = np.zeros_like(self.marked)
                 self._note(kept, np.floor(ends).astype(np.int64))
                 # What a sensor still sees beyond its obstacle range is not forgotten.
@@ -146,15 +148,22 @@ class VoxelLayer(ObstacleLayer):
             heights = np.full(len(seen.points), seen.sensor_z)
         return self._scaled(geometry, np.column_stack([seen.points, heights]))
 
+    def _note_rays(
+        self, crossed: Columns, geometry: Geometry, seen: Observation, ends: NDArray[np.float64]
+    ) -> None:
+        """Sets the bits of the voxels between the sensor and the points ``ends``, shape (n, 3)."""
+        # Rays to the same voxel clear the same voxels.
+        targets = np.unique(np.floor(ends), axis=0)
+        for block in np.array_split(targets, 1 + len(targets) // _RAYS):
+            self._note(crossed, self._along_rays(geometry, seen, block))
+
     def _along_rays(
-        self, geometry: Geometry, seen: Observation, ends: NDArray[np.float64]
+        self, geometry: Geometry, seen: Observation, targets: NDArray[np.float64]
     ) -> NDArray[np.int64]:
-        """Returns the voxels (column, row, level), shape (k, 3), from the sensor up to the points' own."""
+        """Returns the voxels (column, row, level), shape (k, 3), from the sensor up to ``targets``, shape (n, 3)."""
         sensor = np.array([[seen.sensor_x, seen.sensor_y, seen.sensor_z]])
         start = self._scaled(geometry, sensor)[0]
-        # Rays to the same voxel clear the same voxels.
-        ends = np.unique(np.floor(ends), axis=0) + 0.5
-        ways = ends - start
+        ways = targets + 0.5 - start
         length = np.hypot(ways[:, 0], ways[:, 1]) * geometry.resolution
         ways *= np.minimum(1.0, seen.source.raytrace_range / np.maximum(length, 1.0e-9))[:, None]
         steps = np.ceil(np.abs(ways).max(axis=1, initial=0.0)).astype(np.int64)
@@ -162,7 +171,7 @@ class VoxelLayer(ObstacleLayer):
         shares = np.arange(steps.max(initial=0))[None, :] / np.maximum(steps, 1)[:, None]
         along = start + ways[:, None, :] * shares[:, :, None]
         voxels = np.floor(along).astype(np.int64)
-        own = (voxels == np.floor(ends).astype(np.int64)[:, None, :]).all(axis=2)
+        own = (voxels == targets.astype(np.int64)[:, None, :]).all(axis=2)
         return voxels[(shares < 1.0) & ~own]
 
     def _note(self, columns: Columns, voxels: NDArray[np.int64]) -> None:
