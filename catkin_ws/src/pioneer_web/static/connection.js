@@ -77,7 +77,7 @@ function closed(event) {
 
 async function reloadIfLoggedOut() {
   try {
-    const answer = await fetch("/cameras", { method: "HEAD" });
+    const answer = await fetch("/static/main.js", { method: "HEAD" });
     if (answer.status === 401) location.reload();
   } catch {
     // The server does not answer: the next attempt tells.
