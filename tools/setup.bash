@@ -5,6 +5,10 @@
 setup_dir=$root/.setup
 venv=$setup_dir/venv
 workspace=$root/catkin_ws
+# They exist while pip installs and while the workspace is built: then a killed set-up has left half of something, which
+# pip and make take for whole.
+installing=$venv/installing
+building=$setup_dir/building
 minimum_free_mib=3072
 # What other programs that install packages hold, and how long to wait for them [s].
 package_locks=(/var/lib/dpkg/lock-frontend /var/lib/dpkg/lock /var/lib/apt/lists/lock)
@@ -231,14 +235,16 @@ make_venv() {
 
 # pip_install SECTION...: installs these sections of requirements.txt into the Python environment.
 pip_install() {
-  local list
+  local list again=()
   list=$(mktemp)
   requirements_of "$@" >"$list"
+  [[ ! -f $installing ]] || again=(--ignore-installed)
+  touch "$installing"
   # --no-deps: the requirements list is complete, and Debian's numpy must not be shadowed.
   # PyPI has no wheel of pybullet for Debian 13's Python 3.13: pip compiles it, and GCC 14 rejects its C otherwise.
   CFLAGS="${CFLAGS:-} -Wno-incompatible-pointer-types" \
-    "$venv/bin/pip" install --disable-pip-version-check --no-deps -r "$list"
-  rm -f "$list"
+    "$venv/bin/pip" install --disable-pip-version-check --no-deps "${again[@]}" -r "$list" || return
+  rm -f "$list" "$installing"
   # PyPI's command needs ROS 2 for $(find); where the environment comes first on the PATH, it would hide the workspace's.
   rm -f "$venv/bin/xacro"
   # pybullet's example robots and environments: 150 MB that nothing here reads.
@@ -304,7 +310,12 @@ make_workspace() {
 # make_and_compile: the same, and compiles Python's bytecode: if the environment forbids Python to write it, every start
 # of a node would compile all its imports.
 make_and_compile() {
-  make_workspace
+  local failed=0
+  [[ ! -f $building ]] || rm -rf "$workspace/build" "$workspace/devel"
+  touch "$building"
+  make_workspace || failed=$?
+  rm -f "$building"
+  ((failed == 0)) || return "$failed"
   "$venv/bin/python3" -m compileall -q -j0 "$workspace/src" "$workspace/devel/lib/python3/dist-packages"
 }
 

@@ -1,10 +1,12 @@
 """The Docker engine and Compose, called through their command lines."""
 
+import contextlib
+import fcntl
 import json
 import os
 import shutil
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -108,16 +110,41 @@ class Project:
     compose: tuple[str, ...]
     file: Path
     variables: Mapping[str, str]
+    lock: Path | None = None  #: held while Compose changes the fleet; None: nobody else changes it
 
     def run(self, *arguments: str) -> None:
-        """Runs Compose; its output goes to ours.
+        """Runs Compose, after other calls that change this fleet; its output goes to ours.
 
         Raises:
             ContainerError: it failed.
         """
+        with self.alone():
+            self._compose(*arguments)
+
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """Waits until no other call of Compose changes this fleet, and excludes further ones meanwhile.
+
+        Compose inherits the lock: after ``./pioneer`` has been killed, its Compose may still start containers.
+        """
+        if self.lock is None:
+            yield
+            return
+        self.lock.parent.mkdir(parents=True, exist_ok=True)
+        with self.lock.open("w") as file:
+            os.set_inheritable(file.fileno(), True)
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                say("waiting for another call that changes this fleet …")
+                fcntl.flock(file, fcntl.LOCK_EX)
+            yield
+
+    def _compose(self, *arguments: str) -> None:
         command = [*self.compose, "-p", self.name, "-f", str(self.file), *arguments]
         environment = {"COMPOSE_HTTP_TIMEOUT": _PATIENCE, **os.environ, **self.variables}
-        status = subprocess.run(command, env=environment, check=False).returncode
+        # Of our descriptors, only the lock can be inherited.
+        status = subprocess.run(command, env=environment, check=False, close_fds=False).returncode
         if status:
             raise ContainerError(
                 f"compose {arguments[0]} failed with exit status {status}; the lines above say why"
@@ -134,7 +161,7 @@ class Project:
 
     def logs(self, follow: bool, names: Sequence[str]) -> None:
         """Prints the logs of the named computers, by default of all; with ``follow``, until Ctrl-C."""
-        self.run("logs", *(["-f"] if follow else []), *names)
+        self._compose("logs", *(["-f"] if follow else []), *names)
 
     def computers(self) -> list[Computer]:
         """Returns the project's computers: the base station first, then robots by number; without desktop and web."""

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -241,11 +242,15 @@ def _ensure_wheels() -> None:
     pip = _pip(missing)
     for one in missing:
         say(f"fetching {one}")
-        try:
-            run_step([*pip, "download", *_CHOICE, "-d", str(WHEELS), one])
-        except ContainerError:
-            # PyPI has only xacro's source; its wheel has no compiled parts and fits every Python.
-            run_step([*pip, "wheel", "--no-deps", "-w", str(WHEELS), one])
+        # A command that is killed while it writes a wheel must not leave half of it among the whole ones.
+        with tempfile.TemporaryDirectory(dir=LOG.parent, prefix="wheel-") as folder:
+            try:
+                run_step([*pip, "download", *_CHOICE, "-d", folder, one])
+            except ContainerError:
+                # PyPI has only xacro's source; its wheel has no compiled parts and fits every Python.
+                run_step([*pip, "wheel", "--no-deps", "-w", folder, one])
+            for path in Path(folder).glob("*.whl"):
+                os.replace(path, WHEELS / path.name)
 
 
 def run_step(command: Sequence[str], log: Path = LOG) -> None:

@@ -50,7 +50,8 @@ def project(name: str, **variables: str) -> Project:
         "PIONEER_WEB_TOKEN_FILE": str(secret("web-token")),
     }
     given = {SUBNET: subnet(name), **files, **variables}
-    return Project(name, tuple(compose_command()), written if written.is_file() else SHIPPED, given)
+    file = written if written.is_file() else SHIPPED
+    return Project(name, tuple(compose_command()), file, given, written.with_name("lock"))
 
 
 def secret(name: str) -> Path:

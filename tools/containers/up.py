@@ -47,7 +47,7 @@ def up(options: Namespace) -> int:
     began = time.monotonic()
     # Report an engine that does not answer and impossible options before anything is built or written.
     swarm = Deployment(options) if is_on_swarm(options) else None
-    there = swarm.stack.computers() if swarm else project(options.project).computers()
+    there = swarm.stack.computers() if swarm else _computers(options.project)
     plan = make_fleet_plan(options, there, swarm.processors if swarm else processors())
     if not swarm and plan.base:
         _check_subnet(options.project)
@@ -76,6 +76,13 @@ def up(options: Namespace) -> int:
     if options.extras and not plan.started:
         return 0
     return _await(plan, computers, options.waypoints, built - began, built)
+
+
+def _computers(name: str) -> list[Computer]:
+    """Returns the fleet's computers, once no Compose of a killed call adds any."""
+    fleet = project(name)
+    with fleet.alone():
+        return fleet.computers()
 
 
 def _check_subnet(name: str) -> None:

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -107,6 +108,23 @@ def test_without_a_python_in_the_usual_places_the_one_that_runs_fetches_wheels(
 ) -> None:
     monkeypatch.setattr(Path, "exists", lambda path: False)
     assert image._python() == Path(sys.executable)
+
+
+def test_a_download_that_is_killed_leaves_no_wheel_among_the_whole_ones(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def killed(command: Sequence[str]) -> None:
+        Path(command[command.index("-d") + 1], "one-1.0-py3-none-any.whl").write_text("half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(image, "WHEELS", tmp_path / "wheels")
+    monkeypatch.setattr(image, "LOG", tmp_path / "image.log")
+    monkeypatch.setattr(image, "requirements", lambda: ["one==1.0"])
+    monkeypatch.setattr(image, "run_step", killed)
+    image.WHEELS.mkdir()
+    with pytest.raises(KeyboardInterrupt):
+        image._ensure_wheels()
+    assert list(image.WHEELS.iterdir()) == []
 
 
 @pytest.mark.parametrize(

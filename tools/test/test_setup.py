@@ -120,6 +120,52 @@ def test_an_interrupted_environment_is_made_again(tmp_path: Path) -> None:
     assert result.stdout.count("done in") == 1
 
 
+KILLED_BUILD = """
+mkdir -p $venv/bin $workspace/src
+printf '#!/bin/bash\\n' >$venv/bin/python3; chmod +x $venv/bin/python3
+make_workspace() {
+  [[ -e $workspace/build/half ]] && echo "it found half a file"
+  mkdir -p $workspace/build $workspace/devel
+  touch $workspace/build/half
+  %s
+}
+make_and_compile & wait $! || true
+make_workspace() { ls $workspace; }
+make_and_compile
+"""
+
+
+def test_a_build_after_one_that_was_killed_begins_without_its_files(tmp_path: Path) -> None:
+    """A killed compiler leaves half a file that is newer than its source: make would keep it."""
+    result = run_bash(KILLED_BUILD % "kill -9 $BASHPID", tmp_path)
+    assert (result.returncode, result.stdout) == (0, "src\n"), result.stderr
+
+
+def test_a_build_after_one_that_failed_keeps_its_files(tmp_path: Path) -> None:
+    result = run_bash(KILLED_BUILD % "return 1", tmp_path)
+    assert (result.returncode, result.stdout.split()) == (0, ["build", "devel", "src"])
+
+
+KILLED_PIP = """
+mkdir -p $venv/bin
+printf '#!/bin/bash\\necho "$@"; [[ ! -e %s ]] || kill -9 $$\\n' $root/kill >$venv/bin/pip
+chmod +x $venv/bin/pip
+touch $root/requirements.txt $root/kill
+(pip_install web) || true
+rm $root/kill
+pip_install web
+pip_install web
+"""
+
+
+def test_packages_are_installed_whole_after_a_pip_that_was_killed(tmp_path: Path) -> None:
+    """A killed pip leaves a package whose description is there and whose files are not: it would count as installed."""
+    result = run_bash(KILLED_PIP, tmp_path)
+    assert result.returncode == 0, result.stderr
+    calls = ["--ignore-installed" in line for line in result.stdout.splitlines()]
+    assert calls == [False, True, False]
+
+
 @pytest.mark.parametrize(
     ("command", "sections"),
     [

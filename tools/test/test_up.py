@@ -1,8 +1,10 @@
 """How ``./pioneer up`` handles an existing fleet, with an engine that starts the compose file at once."""
 
+import contextlib
 import errno
 import os
 import re
+import signal
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +14,11 @@ import pytest
 
 from containers import image, state, up
 from containers.__main__ import main
-from containers.engine import Computer, ContainerError
+from containers.engine import Computer, ContainerError, Project
 from containers.fleet_plan import choose_factor, choose_pace, places_here
 from containers.layout import SUBNET
 from containers.state import BASE
+from pioneer_harness.wait import wait_until
 
 
 class FakeEngine:
@@ -62,6 +65,9 @@ class FakeProject:
 
     def computers(self) -> list[Computer]:
         return self._engine.computers
+
+    def alone(self) -> contextlib.AbstractContextManager[None]:
+        return contextlib.nullcontext()
 
     def run(self, *words: str) -> None:
         engine, variables = self._engine, self._variables
@@ -466,3 +472,28 @@ def test_a_factor_that_cannot_be_is_refused(rtf: float, running: str | None, why
     )
     with pytest.raises(ContainerError, match=why):
         choose_factor(rtf, 5, 2.0, base)
+
+
+COMPOSE = """#!/bin/bash
+echo begin >>{journal}
+sleep 2
+echo end >>{journal}
+"""
+
+
+def test_a_call_waits_for_the_compose_of_one_that_was_killed(tmp_path: Path) -> None:
+    """It continues without ./pioneer, and two at once would start the same containers."""
+    compose, journal = tmp_path / "compose", tmp_path / "journal"
+    journal.touch()
+    compose.write_text(COMPOSE.format(journal=journal))
+    compose.chmod(0o755)
+    project = Project("test", (str(compose),), tmp_path / "file", {}, tmp_path / "lock")
+    killed = os.fork()
+    if killed == 0:
+        project.run("up")
+        os._exit(0)
+    wait_until(lambda: "begin" in journal.read_text(), "the first call's Compose", 20.0)
+    os.kill(killed, signal.SIGKILL)
+    os.waitpid(killed, 0)
+    project.run("up")
+    assert journal.read_text().split() == ["begin", "end"] * 2

@@ -2,6 +2,7 @@
 
 import dataclasses
 import errno
+import functools
 import itertools
 import os
 import secrets
@@ -18,6 +19,7 @@ from pioneer_demo.console.output_folder import FolderLock
 from pioneer_demo.console.stopwatch import Stopwatch
 from pioneer_demo.error import DemoError, FolderInUseError, OptionError
 from pioneer_demo.processes.command import written_files
+from pioneer_demo.processes.leftover import await_leftovers
 from pioneer_demo.processes.network import enter
 from pioneer_demo.processes.processes import FleetProcesses
 from pioneer_demo.run.limits import check_limits
@@ -81,6 +83,7 @@ def main(words: Sequence[str], interrupt: Interrupt) -> int:
 
 
 def _run(config: FleetConfig, watch: Stopwatch, interrupt: Interrupt) -> int:
+    await_leftovers(functools.partial(print, flush=True), interrupt.check)
     with FleetProcesses(config) as processes:
         ports = processes.ports
         print(

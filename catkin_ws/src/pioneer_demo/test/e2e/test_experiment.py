@@ -55,6 +55,11 @@ def experiment(study, *where):
     return python(study, *words, stdout=subprocess.PIPE)
 
 
+def is_whole(file):
+    """Returns whether a JSON file is written to its end: its writer makes it first and fills it then."""
+    return file.is_file() and file.read_text().rstrip().endswith("}")
+
+
 @pytest.fixture
 def scheduler(study):
     """Yields the address of a manually started scheduler with one worker."""
@@ -65,7 +70,7 @@ def scheduler(study):
     with (study / "dask.txt").open("w") as log:
         words = ["distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", *common]
         running = [python(study, *words, stdout=log)]
-        wait_until(file.is_file, "the scheduler's file", PATIENCE)
+        wait_until(lambda: is_whole(file), "the scheduler's file", PATIENCE)
         words = ["distributed.cli.dask_worker", "--nthreads", "1", "--host", "127.0.0.1", *common]
         running.append(python(study, *words, stdout=log))
         yield json.loads(file.read_text())["address"]
@@ -114,6 +119,21 @@ def test_a_killed_worker_and_ctrl_c_lose_no_run_and_repeat_none_that_was_done(st
         "count": 4, "unfinished": 0, "mean": 10.0, "median": 10.0
     }  # fmt: skip
     assert "<svg" in (study / "out" / "report.html").read_text()
+
+
+def test_what_a_killed_experiment_has_left_is_removed_by_the_next(study, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(study / "tmp"))
+    (study / "tmp").mkdir()
+    first = experiment(study)
+    wait_until(lambda: noted(study, "begin"), "the first run", PATIENCE)
+    first.kill()
+    first.communicate(timeout=PATIENCE)
+    assert list((study / "out").glob("scratch-*")) != []
+    second = experiment(study)
+    text, _ = second.communicate(timeout=PATIENCE)
+    assert second.returncode == 0, text
+    assert list((study / "out").glob("scratch-*")) == []
+    assert list((study / "tmp").iterdir()) == []
 
 
 def test_the_workers_of_a_scheduler_do_the_runs(study, scheduler):

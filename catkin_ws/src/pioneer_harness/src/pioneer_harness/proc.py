@@ -66,6 +66,15 @@ def has_variable(pid: int, name: str, value: str) -> bool:
     return f"{name}={value}".encode() in _read(pid, "environ").split(b"\0")
 
 
+def variable(pid: int, name: str) -> str:
+    """Returns the value of the environment variable ``name`` that ``pid`` was started with; empty if it had none."""
+    start = f"{name}=".encode()
+    for entry in _read(pid, "environ").split(b"\0"):
+        if entry.startswith(start):
+            return entry[len(start) :].decode(errors="replace")
+    return ""
+
+
 def descendants(states: dict[int, ProcessState], roots: Iterable[int]) -> set[int]:
     """Returns ``roots`` and all their living or zombie descendants among ``states``."""
     children: dict[int, list[int]] = {}

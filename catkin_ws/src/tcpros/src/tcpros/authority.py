@@ -16,7 +16,8 @@ AUTHORITY_KEY = "ca.key"
 AUTHORITY_DAYS, DAYS = 3650, 825
 """Validity of the authority's certificate and of machine certificates [days]."""
 
-_NEW_KEY = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-noenc")
+_CURVE = ("-pkeyopt", "ec_paramgen_curve:P-256")
+_NEW_KEY = ("-newkey", "ec", *_CURVE, "-noenc")
 _EXTENSIONS = """basicConstraints=critical,CA:FALSE
 keyUsage=critical,digitalSignature
 extendedKeyUsage=serverAuth,clientAuth
@@ -76,26 +77,34 @@ class Authority:
                 "-out",
                 made / CERTIFICATE,
             )
-            for file in (KEY, CERTIFICATE):
+            shutil.copyfile(self._certificate, made / AUTHORITY)
+            # The certificate comes last: where it exists, the rest exists too, even after a kill in between.
+            for file in (AUTHORITY, KEY, CERTIFICATE):
                 (made / file).replace(target / file)
-        shutil.copyfile(self._certificate, target / AUTHORITY)
         return target
 
     def _establish(self) -> None:
         if self._certificate.exists() and self._key.exists():
             return
-        if self._certificate.exists() or self._key.exists():
+        if self._certificate.exists():
             text = f"{self._directory} has only one of {AUTHORITY} and {AUTHORITY_KEY}; name another directory"
             raise CertificateError(text)
-        means = (
-            "-addext",
-            "basicConstraints=critical,CA:TRUE,pathlen:0",
-            "-addext",
-            "keyUsage=critical,keyCertSign",
-        )
-        days = ("-days", str(AUTHORITY_DAYS))
-        out = ("-keyout", self._key, "-out", self._certificate)
-        _openssl("req", "-x509", *_NEW_KEY, "-subj", "/CN=Fleet authority", *days, *means, *out)
+        with tempfile.TemporaryDirectory(dir=self._directory) as folder:
+            made = Path(folder)
+            # A call that was killed may have left the key alone: its certificate can be made at any time.
+            if not self._key.exists():
+                _openssl("genpkey", "-algorithm", "EC", *_CURVE, "-out", made / AUTHORITY_KEY)
+                (made / AUTHORITY_KEY).replace(self._key)
+            means = (
+                "-addext",
+                "basicConstraints=critical,CA:TRUE,pathlen:0",
+                "-addext",
+                "keyUsage=critical,keyCertSign",
+            )
+            subject = ("-subj", "/CN=Fleet authority", "-days", str(AUTHORITY_DAYS))
+            out = ("-key", self._key, "-out", made / AUTHORITY)
+            _openssl("req", "-x509", *subject, *means, *out)
+            (made / AUTHORITY).replace(self._certificate)
 
 
 def _alternative(name: str) -> str:

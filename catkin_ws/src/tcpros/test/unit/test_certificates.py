@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -42,6 +43,44 @@ def test_half_an_authority_is_not_made_whole(tmp_path):
     (tmp_path / "ca.key").unlink()
     with pytest.raises(CertificateError, match="only one of"):
         Authority(tmp_path).certify("robot2")
+
+
+def test_an_authority_whose_making_was_killed_is_completed_with_its_key(tmp_path):
+    """At that moment only the key exists; a certificate that was signed by it stays valid."""
+    first = Authority(tmp_path).certify("robot")
+    key = (tmp_path / "ca.key").read_bytes()
+    (tmp_path / "ca.crt").unlink()
+    second = Authority(tmp_path).certify("robot2")
+    assert (tmp_path / "ca.key").read_bytes() == key
+    for directory in (first, second):
+        certificate = directory / "tls.crt"
+        done = subprocess.run(
+            ["openssl", "verify", "-CAfile", tmp_path / "ca.crt", certificate], check=False
+        )
+        assert done.returncode == 0
+
+
+@pytest.mark.parametrize("replaced", range(3))
+def test_a_machine_with_a_certificate_has_all_its_files_wherever_a_kill_came(
+    tmp_path, monkeypatch, replaced
+):
+    """The command is killed after it has moved ``replaced`` of the machine's three files to their place."""
+    authority = Authority(tmp_path)
+    authority.certify("other")
+    moved = []
+    replace = Path.replace
+
+    def kill_at(file, target):
+        if len(moved) == replaced:
+            raise KeyboardInterrupt
+        moved.append(target)
+        return replace(file, target)
+
+    monkeypatch.setattr(Path, "replace", kill_at)
+    with pytest.raises(KeyboardInterrupt):
+        authority.certify("robot")
+    assert len(moved) == replaced
+    assert not (tmp_path / "robot" / "tls.crt").exists()
 
 
 def test_nothing_is_said_where_nothing_is_asked(identities):

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from pioneer_demo.processes import leftover
 from pioneer_demo.processes.command import (
     Command,
     Ports,
@@ -132,6 +133,7 @@ class FleetProcesses:
             **_SINGLE,
             **os.environ,
             **home,
+            leftover.VARIABLE: leftover.mark(),
             door.REPORT: str(_report_of(log).absolute()),
             **command.environment,
             **self.networks.environment(robot),

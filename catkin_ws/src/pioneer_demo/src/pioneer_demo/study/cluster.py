@@ -52,6 +52,8 @@ class Cluster:
         """
         dask.config.set(_SETTINGS)
         self._scheduler = scheduler
+        # Of this machine: the workers of a scheduler may be elsewhere.
+        self._scratch = "" if scheduler else str(scratch.resolve())
         self._local: distributed.LocalCluster | None = None
         self._client: distributed.Client | None = None
         self._futures = list[distributed.Future]()
@@ -112,6 +114,7 @@ class Cluster:
                 scenario,
                 run,
                 keep[run],
+                self._scratch,
                 key=key,
                 pure=False,
                 priority=-number,

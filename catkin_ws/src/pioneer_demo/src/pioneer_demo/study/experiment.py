@@ -4,6 +4,7 @@ import dataclasses
 import json
 import os
 import shlex
+import shutil
 import sys
 import tempfile
 import time
@@ -29,6 +30,7 @@ from pioneer_node.core.document import DocumentError, built
 
 _POLL, _SHOW = 0.5, 30.0
 _FAILED, _BAD_ARGUMENTS = 1, 2
+_SCRATCH = "scratch-"
 
 
 def main(arguments: Sequence[str], interrupt: Interrupt) -> int:
@@ -116,6 +118,7 @@ def _run(
         raise OptionError(f"--output: {error}") from None
     with lock:
         (folder / "runs").mkdir(exist_ok=True)
+        _remove_scratch(folder)
         _check_same(folder / "study.json", texts, study.program, digests(scenarios.values()))
         paths = {run: folder / "runs" / f"{run.name}.json" for run in study.all_runs()}
         rows = {run: json.loads(path.read_text()) for run, path in paths.items() if path.is_file()}
@@ -156,7 +159,7 @@ def _do(
     }
     with (
         tempfile.TemporaryDirectory(
-            prefix="scratch-", dir=folder, ignore_cleanup_errors=True
+            prefix=_SCRATCH, dir=folder, ignore_cleanup_errors=True
         ) as scratch,
         Cluster(config.scheduler, config.jobs, Path(scratch), interrupt) as cluster,
     ):
@@ -206,6 +209,12 @@ def _check_same(
     raise OptionError(
         f"{changed[0]} has changed since the runs in {path.parent}: restore it, or give another --output"
     )
+
+
+def _remove_scratch(folder: Path) -> None:
+    """Removes what a killed call has left; nobody else uses the folder, since it is locked."""
+    for left in folder.glob(f"{_SCRATCH}*"):
+        shutil.rmtree(left, ignore_errors=True)
 
 
 def _write(path: Path, content: Mapping[str, Any]) -> None:

@@ -23,7 +23,9 @@ class RunError(DemoError):
     """A run was interrupted or wrote no report; it counts as not done."""
 
 
-def run_scenario(program: Sequence[str], scenario: str, run: Run, keep: str) -> dict[str, Any]:
+def run_scenario(
+    program: Sequence[str], scenario: str, run: Run, keep: str, scratch: str
+) -> dict[str, Any]:
     """Runs a program on a scenario; returns the row of its metrics.
 
     Args:
@@ -31,12 +33,13 @@ def run_scenario(program: Sequence[str], scenario: str, run: Run, keep: str) -> 
         scenario: the scenario file's content.
         run: the run of the study.
         keep: folder for its output; empty for a temporary one.
+        scratch: where to make the temporary folder; empty for the machine's usual place.
 
     Raises:
         RunError: the program was ended by a signal or wrote no report.
     """
     began = time.monotonic()
-    with tempfile.TemporaryDirectory(prefix="pioneer-study-") as temporary:
+    with tempfile.TemporaryDirectory(prefix="pioneer-study-", dir=scratch or None) as temporary:
         folder = Path(keep) if keep else Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "scenario.yaml").write_text(scenario)
