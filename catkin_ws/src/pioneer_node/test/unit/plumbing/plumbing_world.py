@@ -13,6 +13,7 @@ from functools import partial
 from typing import Any
 from unittest import mock
 
+from ring import Ring
 from simulated_master import SimulatedMaster
 from simulated_network import Network, SimulatedReactor
 from std_msgs.msg import String
@@ -33,6 +34,7 @@ from tcpros import (
 from tcpros.dialled_stream import DialledStream
 from tcpros.header import header_bytes, header_parser
 from tcpros.node_context import NodeContext
+from tcpros.resolver import DialError
 from tcpros.stream import message_parser
 
 NAMES = ("/one", "/two", "/three", "/four")
@@ -40,6 +42,10 @@ TOPICS = ("/a", "/b", "/c", "/latched")
 SIZES = (0, 1, 100, 5_000, 65_536, 131_073, 262_140, 300_000, 1_000_000)
 LARGEST = 20_000_000
 STEPS = 60
+HOSTS = 40
+"""Number of names that are looked up, of which every fourth does not exist."""
+BURST = 150
+"""Number of messages that fill the queue of a subscriber."""
 SETTLE = 60.0
 """Within which everything works again once nothing gets lost any more [simulated s]."""
 
@@ -79,6 +85,7 @@ class Call(DialledStream):
         self._requests = requests
         self._expected = [request[::-1] for request in requests]
         self.parse = header_parser(self._greeted)
+        self._network = world.network
 
     def _greeted(self, header: dict[str, str]) -> None:
         if "error" in header:
@@ -89,13 +96,17 @@ class Call(DialledStream):
             self.send(len(request).to_bytes(4, "little") + request)
 
     def _status(self, data: memoryview) -> int:
-        if data[0] != 1:
+        self._has_failed = data[0] != 1
+        if self._has_failed and not self._network.refused_threads:
             self.wrong = "the service failed"
         self.parse = message_parser(self, self._take)
         return 1
 
     def _take(self, data: memoryview) -> None:
-        if bytes(data) != self._expected.pop(0):
+        expected = self._expected.pop(0)
+        if self._has_failed:
+            expected = b"the request is not processed: can't start new thread"
+        if bytes(data) != expected:
             self.wrong = "a wrong response"
         if self._expected:
             self.parse = self._status
@@ -178,6 +189,34 @@ class Subscription:
         self.newest[number] = message
 
 
+class Question:
+    """A host name that is looked up: it must be answered exactly once."""
+
+    def __init__(self, world: "World", number: int) -> None:
+        self.host = f"host{number}"
+        self.answers: list[str] = []
+        self._exists = number % 4 > 0
+        self._world = world
+        world.context.resolver.resolve(self.host, self._found, self._failed)
+
+    def _found(self, address: str) -> None:
+        self.answers.append(address)
+        if self._world.network.is_faulty and self._world.drawn.random() < 0.1:
+            raise DialError("no socket available")
+        if not self._exists:
+            self._world.complain(f"{self.host} was found")
+
+    def _failed(self, reason: str) -> None:
+        if not reason:
+            self._world.complain(f"{self.host} failed without a reason")
+        self.answers.append("")
+
+    @property
+    def is_answered(self) -> bool:
+        """Whether it is answered; an address that could not be dialled is followed by a failure."""
+        return bool(self.answers)
+
+
 class World:
     """A schedule: what nodes do, and what fails, drawn from a seed."""
 
@@ -190,7 +229,9 @@ class World:
         self._numbers = 0
         self._calls: list[Call] = []
         self._faults = Faults()
+        self._questions: list[Question] = []
         self.members: list[Member] = []
+        self.ring: Ring
 
     def complain(self, what: str) -> None:
         """Records what is wrong."""
@@ -219,6 +260,7 @@ class World:
             rosout = logging.getLogger(node_handle.LOGGER)
             rosout.addHandler(self._faults)
             stack.callback(rosout.removeHandler, self._faults)
+            Ring(self)
             self._play()
             self._settle()
         self.wrong += [repr(one) for one in self.reactor.failures]
@@ -229,8 +271,10 @@ class World:
         """Replaces sockets, threads, time and the parameter server in the modules under test."""
         sockets, threads = self.network.socket_module(), self.network.threading_module()
         time = self.network.time_module()
-        for module in (listener, dialled_stream, resolver, stream, node_port, topic_source):
+        for module in (listener, resolver, stream, node_port, topic_source):
             stack.enter_context(mock.patch.object(module, "socket", sockets))
+        scarce = self.network.socket_module(is_scarce=True)
+        stack.enter_context(mock.patch.object(dialled_stream, "socket", scarce))
         for module in (resolver, node):
             stack.enter_context(mock.patch.object(module, "threading", threads))
         for module in (resolver, node_port, brake, node_handle):
@@ -241,6 +285,8 @@ class World:
         actions: list[tuple[int, Callable[[], object]]] = [
             (3, self._start),
             (10, self._publish),
+            (1, self._burst),
+            (4, self._look_up),
             (6, self._subscribe),
             (3, self._unsubscribe),
             (2, self._withdraw),
@@ -259,8 +305,10 @@ class World:
         self.network.is_faulty = self.master.is_faulty = False
         if not self.reactor.run(SETTLE, lambda: all(call.is_ended for call in self._calls)):
             self.complain("a call has not ended")
+        if not self.reactor.run(SETTLE, lambda: all(one.is_answered for one in self._questions)):
+            self.complain("a look-up has not ended")
         self.wrong += [call.wrong for call in self._calls if call.wrong]
-        for member in self._live():
+        for member in (*self._live(), *self.ring.nodes):
             member.handle.register_again()
         if not self.reactor.run(SETTLE, self._is_registered):
             self.complain("registrations: " + self._difference())
@@ -272,9 +320,14 @@ class World:
         ]
         if not self.reactor.run(SETTLE, lambda: not self._missing(expected)):
             self.complain("messages did not arrive: " + "; ".join(self._missing(expected)))
-        for member in self._live():
-            member.close()
-        if not self.reactor.run(SETTLE, lambda: all(one.is_closed for one in self.members)):
+        self._settle_ring()
+        for one in self._questions:
+            if len(one.answers) > 1 and one.answers[1:] != [""]:
+                self.complain(f"{one.host} was answered with {one.answers}")
+        for part in (*self._live(), *self.ring.nodes):
+            part.close()
+        nodes = (*self.members, *self.ring.nodes)
+        if not self.reactor.run(SETTLE, lambda: all(one.is_closed for one in nodes)):
             self.complain("a node did not end")
         self.reactor.run(10.0)
         left = [
@@ -284,6 +337,17 @@ class World:
         ]
         if left or self.master.services:
             self.complain(f"left on the master: {left} {self.master.services}")
+
+    def _settle_ring(self) -> None:
+        """Checks that the ring goes round and that each of its messages has arrived everywhere."""
+        ring = self.ring
+        ring.is_quiet = True
+        last = ring.gate.period + 4
+        if not self.reactor.run(SETTLE, lambda: ring.gate.period >= last):
+            self.complain("the ring stands still")
+        elif missing := ring.missing():
+            self.complain("in the ring: " + "; ".join(missing))
+        ring.is_over = True
 
     def _live(self) -> list[Member]:
         return [one for one in self.members if not one.is_over]
@@ -307,6 +371,12 @@ class World:
                 publishers.setdefault(topic, set()).add(member.name)
             for one in member.subscriptions:
                 subscribers.setdefault(one.topic, set()).add(member.name)
+        ring = self.ring
+        publishers["/rosout"] |= {node.handle.name for node in ring.nodes}
+        for topic, name in ring.publishers():
+            publishers.setdefault(topic, set()).add(name)
+        for topic, name in ring.subscribers():
+            subscribers.setdefault(topic, set()).add(name)
         return publishers, subscribers
 
     def _registered(self) -> tuple[dict[str, set[str]], dict[str, set[str]]]:
@@ -346,6 +416,18 @@ class World:
             for _ in range(self.drawn.choice((1, 1, 5))):
                 member.publish(self.drawn.choice(TOPICS), size)
 
+    def _burst(self) -> None:
+        """Fills the queues of subscribers."""
+        if member := self._acting():
+            topic, size = self.drawn.choice(TOPICS), self.drawn.choice((1, 100, 20_000))
+            for _ in range(BURST):
+                member.publish(topic, size)
+
+    def _look_up(self) -> None:
+        """Looks up some names, more than are looked up at a time."""
+        for _ in range(self.drawn.choice((1, 3, 30))):
+            self._questions.append(Question(self, self.drawn.randrange(HOSTS)))
+
     def _subscribe(self) -> None:
         if member := self._acting():
             member.subscribe(self.drawn.choice(TOPICS))
@@ -367,7 +449,12 @@ class World:
         if member is None:
             return
         requests = [self.body(self.drawn.choice(SIZES)) for _ in range(self.drawn.randint(1, 4))]
-        call = Call(self, "/reverse" + member.name, requests)
+        if self.drawn.random() < 0.02:
+            requests.append(self.body(LARGEST))
+        try:
+            call = Call(self, "/reverse" + member.name, requests)
+        except DialError:
+            return
         self._calls.append(call)
         port = int(member.handle._node.uri.rsplit(":", 1)[1].rstrip("/"))
         call.connect("127.0.0.1", port)
@@ -377,6 +464,8 @@ class World:
         self.master.restart()
         for member in self._live():
             self.reactor.call_later(1.0, partial(self._register_again, member))
+        for part in self.ring.nodes:
+            self.reactor.call_later(1.0, part.handle.register_again)
 
     def _register_again(self, member: Member) -> None:
         if not member.is_over:

@@ -14,6 +14,9 @@ from typing import Any
 
 from tcpros.reactor import BUFFER_SIZE, Timer
 
+WIDER_AFTER, WIDEST = 30_000, 4_000_000
+"""A connection takes twice as many unread bytes after this many bytes, up to a limit, as TCP does."""
+
 _IN, _OUT, _ERR = select.EPOLLIN, select.EPOLLOUT, select.EPOLLERR
 
 
@@ -34,6 +37,8 @@ class SimulatedReactor:
         self.failures: list[BaseException] = []  #: exceptions of handlers and callbacks
         self.sockets: dict[int, SimulatedSocket] = {}  #: all open sockets, by descriptor
         self._handlers: dict[int, tuple[Any, int]] = {}
+        self._touched: set[int] = set()  # sockets that may be ready
+        self._arrivals: list[tuple[float, int]] = []  # when sockets become so
         self._timers: list[tuple[float, int, Timer]] = []
         self._order = itertools.count()
         self._calls: deque[Callable[[], object]] = deque()
@@ -55,10 +60,19 @@ class SimulatedReactor:
         """Registers a handler."""
         assert descriptor not in self._handlers
         self._handlers[descriptor] = handler, events
+        self.touch(descriptor)
 
     def change(self, descriptor: int, events: int) -> None:
         """Changes the events to wait for."""
         self._handlers[descriptor] = self._handlers[descriptor][0], events
+        self.touch(descriptor)
+
+    def touch(self, descriptor: int, when: float = 0.0) -> None:
+        """Called when a socket has changed, or will at this time, so that it may be ready."""
+        if when <= self.now:
+            self._touched.add(descriptor)
+        else:
+            heapq.heappush(self._arrivals, (when, descriptor))
 
     def remove(self, descriptor: int) -> None:
         """Removes a handler."""
@@ -74,11 +88,16 @@ class SimulatedReactor:
 
     def _round(self) -> bool:
         """Handles what is ready now; returns whether there was anything."""
+        while self._arrivals and self._arrivals[0][0] <= self.now:
+            self._touched.add(heapq.heappop(self._arrivals)[1])
         ready = []
-        for descriptor, (_, wanted) in self._handlers.items():
-            found = self.sockets[descriptor].events() & (wanted | _ERR)
+        for descriptor in sorted(self._touched):
+            handler, wanted = self._handlers.get(descriptor, (None, 0))
+            found = self.sockets[descriptor].events() & (wanted | _ERR) if handler else 0
             if found:
                 ready.append((descriptor, found))
+            else:
+                self._touched.discard(descriptor)
         self.drawn.shuffle(ready)
         # As epoll reports a limited number of events, some sockets wait for the next round.
         for descriptor, found in ready[: self.drawn.randint(1, 8)]:
@@ -102,7 +121,8 @@ class SimulatedReactor:
         times = [end]
         if self._timers:
             times.append(self._timers[0][0])
-        times += [one.next_event() for one in self.sockets.values()]
+        if self._arrivals:
+            times.append(self._arrivals[0][0])
         # At least a little, against rounding.
         self.now = max(self.now + 1e-6, min(times))
 
@@ -135,6 +155,7 @@ class SimulatedSocket:
         self._capacity, self._latency = network.drawn.choice(
             ((1500, 0.0), (1500, 0.0001), (20_000, 0.002), (200_000, 0.05), (4_000_000, 0.05))
         )
+        self._until_wider = WIDER_AFTER
         self.is_closed = False
 
     # What the modules under test call
@@ -164,6 +185,7 @@ class SimulatedSocket:
     def listen(self, _backlog: int) -> None:
         """Starts to listen."""
         self._backlog = []
+        self._reactor.touch(self._descriptor)
 
     def getsockname(self) -> tuple[str, int]:
         """Returns the address."""
@@ -173,6 +195,7 @@ class SimulatedSocket:
         """Begins to connect."""
         delay = self._network.drawn.choice((0.0, 0.001, 0.2))
         self._connecting_until = self._reactor.now + delay
+        self._reactor.touch(self._descriptor, self._connecting_until)
         target = self._network.listeners.get(address[1])
         if target is None or self._network.refuses():
             self._error = errno.ECONNREFUSED
@@ -181,12 +204,15 @@ class SimulatedSocket:
             self.peer, other.peer = other, self
             assert target._backlog is not None
             target._backlog.append(other)
+            self._reactor.touch(target._descriptor)
         raise BlockingIOError
 
     def accept(self) -> tuple["SimulatedSocket", tuple[str, int]]:
         """Returns a new connection."""
         if not self._backlog:
             raise BlockingIOError
+        if self._network.lacks_descriptors():
+            raise OSError(errno.EMFILE, "Too many open files")
         return self._backlog.pop(0), ("127.0.0.1", 1)
 
     def send(self, data: Any, _flags: int = 0) -> int:
@@ -212,6 +238,10 @@ class SimulatedSocket:
                 sent += len(part)
             if sent == room:
                 break
+        self._until_wider -= sent
+        if self._until_wider <= 0:
+            self._until_wider = WIDER_AFTER
+            self._capacity = min(2 * self._capacity, WIDEST)
         return sent
 
     def recv_into(self, buffer: memoryview) -> int:
@@ -227,6 +257,8 @@ class SimulatedSocket:
             if count < len(data):
                 self._arriving.appendleft((when, data[count:]))
             self._unread -= count
+            if self.peer is not None:
+                self._reactor.touch(self.peer._descriptor)
             return count
         if self._ended_at <= now:
             return 0
@@ -245,6 +277,8 @@ class SimulatedSocket:
                 waiting.close()
         if self.peer is not None:
             self.peer._ended_at = max(self.peer._last_arrival, self._reactor.now + self._latency)
+            self._reactor.touch(self.peer._descriptor)
+            self._reactor.touch(self.peer._descriptor, self.peer._ended_at)
 
     # What the simulation calls
 
@@ -267,22 +301,17 @@ class SimulatedSocket:
             found |= _OUT
         return found
 
-    def next_event(self) -> float:
-        """Returns the time of the next change that nothing else triggers [s]."""
-        times = [self._reset_at, self._ended_at, self._connecting_until]
-        if self._arriving:
-            times.append(self._arriving[0][0])
-        return min((one for one in times if one > self._reactor.now), default=float("inf"))
-
     def reset(self) -> None:
         """Breaks the connection for both ends."""
         for one in (self, self.peer):
             if one is not None:
                 one._reset_at = self._reactor.now
+                self._reactor.touch(one._descriptor)
 
     def _take(self, data: bytes, latency: float) -> None:
         self._last_arrival = max(self._last_arrival, self._reactor.now + latency)
         self._arriving.append((self._last_arrival, data))
+        self._reactor.touch(self._descriptor, self._last_arrival)
         self._unread += len(data)
 
     def _check(self) -> None:
@@ -303,13 +332,17 @@ class Network:
         self.listeners: dict[int, SimulatedSocket] = {}
         self.ports = itertools.count(20_000)
         self.descriptors = itertools.count(10)
-        self.is_faulty = (
-            True  #: whether connections are refused and names fail to resolve, now and then
-        )
+        #: whether connections are refused, names fail to resolve, descriptors and threads are missing, now and then
+        self.is_faulty = True
+        self.refused_threads = 0  #: how many threads could not be started
 
     def refuses(self) -> bool:
         """Returns whether the next connection is refused."""
         return self.is_faulty and self.drawn.random() < 0.1
+
+    def lacks_descriptors(self) -> bool:
+        """Returns whether the next socket cannot be opened."""
+        return self.is_faulty and self.drawn.random() < 0.02
 
     def break_one(self) -> None:
         """Breaks a connection."""
@@ -317,10 +350,16 @@ class Network:
         if connected:
             self.drawn.choice(connected).reset()
 
-    def socket_module(self) -> Any:
-        """Returns a replacement of the module `socket`."""
+    def socket_module(self, is_scarce: bool = False) -> Any:
+        """Returns a replacement of the module `socket`; if it `is_scarce`, there is not always a descriptor."""
+
+        def opened(*_: object) -> SimulatedSocket:
+            if is_scarce and self.lacks_descriptors():
+                raise OSError(errno.EMFILE, "Too many open files")
+            return SimulatedSocket(self)
+
         names = {name: getattr(socket, name) for name in dir(socket) if not name.startswith("__")}
-        names["socket"] = lambda *_: SimulatedSocket(self)
+        names["socket"] = opened
         names["getaddrinfo"] = self._resolved
         return SimpleNamespace(**names)
 
@@ -335,7 +374,11 @@ class Network:
                 self._work = lambda: target(*args)
 
             def start(self) -> None:
-                network.reactor.call_later(network.drawn.choice((0.0, 0.01, 1.0)), self._work)
+                if network.is_faulty and network.drawn.random() < 0.02:
+                    network.refused_threads += 1
+                    raise RuntimeError("can't start new thread")
+                delays = (0.0, 0.01, 1.0, 20.0) if network.is_faulty else (0.0, 0.01, 1.0)
+                network.reactor.call_later(network.drawn.choice(delays), self._work)
 
         names = {name: getattr(threading, name) for name in dir(threading) if name[0] != "_"}
         names["Thread"] = SimulatedThread
@@ -346,6 +389,8 @@ class Network:
         return SimpleNamespace(monotonic=lambda: self.reactor.now, time=lambda: self.reactor.now)
 
     def _resolved(self, host: str, *_: object) -> list[Any]:
+        if host.startswith("host") and int(host[4:]) % 4 == 0:
+            raise socket.gaierror(-2, "Name or service not known")
         if self.refuses():
             raise socket.gaierror(-3, "Temporary failure in name resolution")
         return [(2, 1, 6, "", ("127.0.0.1", 0))]

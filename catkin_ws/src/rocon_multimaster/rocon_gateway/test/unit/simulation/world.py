@@ -140,9 +140,13 @@ class World:
 
     # Processes
 
+    def make_process(self, name: str, computer: Computer) -> Process:
+        """Starts a gateway."""
+        return Process(self, name, computer)
+
     def start(self, computer: Computer) -> None:
         if computer.process is None:
-            computer.process = Process(self, computer.name, computer)
+            computer.process = self.make_process(computer.name, computer)
 
     def restart_links(self) -> None:
         for process in self.listening.values():
@@ -171,7 +175,7 @@ class World:
             self.restart_links()
             self.at(ends, self.restart_links)
         elif fault.kind == "impostor":
-            impostor = Process(self, fault.gateway, Computer(RuleBook(fault.gateway)))
+            impostor = self.make_process(fault.gateway, Computer(RuleBook(fault.gateway)))
             self.at(ends, lambda: impostor.end(bool(fault.choice % 2)))
         elif fault.kind == "node":
             computer.local ^= {_nodes(computer.name)[fault.choice % 4]}
