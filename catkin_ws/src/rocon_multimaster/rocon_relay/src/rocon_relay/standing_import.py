@@ -207,6 +207,8 @@ class Registration:
         self._shall_show = False
         self._must_hide = False
         self._must_repeat = False
+        # Whether the master may list it: also after a registration whose answer was lost, or a refused renewal.
+        self._may_be_listed = False
         self._unregister_attempts = 0
         self._pause = context.pause()
         self._retry: Timer | None = None
@@ -224,7 +226,7 @@ class Registration:
         if self._retry is not None:
             self._retry.cancel()
             self._retry = None
-        if self._phase is _Phase.PRESENT:
+        if self._may_be_listed:
             self._context.reactor.call_later(CLOSE_AFTER, self._close_hidden)
         self._step()
 
@@ -241,14 +243,16 @@ class Registration:
             self._owner.close_users()
 
     def _step(self) -> None:
-        if self._phase is _Phase.ABSENT and self._must_hide:
-            self._hidden()
-        elif self._phase is _Phase.ABSENT and self._shall_show:
-            self._register()
-        elif self._phase is _Phase.PRESENT and self._must_hide and self._node is not None:
+        if self._phase in (_Phase.REGISTERING, _Phase.UNREGISTERING):
+            return
+        if self._must_hide and self._may_be_listed:
             self._phase = _Phase.UNREGISTERING
             self._unregister_attempts = 0
             self._unregister()
+        elif self._must_hide:
+            self._hidden()
+        elif self._phase is _Phase.ABSENT and self._shall_show:
+            self._register()
 
     def _hidden(self) -> None:
         self._must_hide = False
@@ -282,18 +286,21 @@ class Registration:
         self._context.master.call(method, arguments, lambda _value: done(""), done)
 
     def _registered(self, reason: str) -> None:
-        self._phase = _Phase.ABSENT if reason and not self._must_hide else _Phase.PRESENT
-        if self._phase is _Phase.PRESENT:
+        if not reason or isinstance(reason, NoAnswer):
+            self._may_be_listed = True
+        self._phase = _Phase.ABSENT if reason else _Phase.PRESENT
+        if not reason:
             self._pause.reset()
-            if not self._must_hide:
-                self._owner.shown()
-                if self._must_repeat:
-                    self._phase = _Phase.ABSENT
-        elif self._shall_show:
+        if self._must_hide:
+            self._step()
+        elif reason:
             self._owner.not_shown(reason)
             self._retry = self._context.reactor.call_later(self._pause.take(), self._again)
-            return
-        self._step()
+        else:
+            self._owner.shown()
+            if self._must_repeat:
+                self._phase = _Phase.ABSENT
+            self._step()
 
     def _again(self) -> None:
         self._retry = None
@@ -310,4 +317,5 @@ class Registration:
             return
         self._pause.reset()
         self._phase = _Phase.ABSENT
+        self._may_be_listed = False
         self._step()

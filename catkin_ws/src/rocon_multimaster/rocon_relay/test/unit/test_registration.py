@@ -1,5 +1,6 @@
 """Registering a proxy at a master that answers in its own time."""
 
+import random
 from collections.abc import Callable
 from typing import Any
 
@@ -174,3 +175,122 @@ def test_a_refused_unregistration_is_not_repeated(
     context.master.answer("it is not registered")
     assert not context.reactor.timers
     assert not context.master.calls
+
+
+class DrawnTimer:
+    def __init__(self, call: Callable[[], object]) -> None:
+        self.call: Callable[[], object] | None = call
+
+    def cancel(self) -> None:
+        self.call = None
+
+
+class DrawnReactor:
+    """Keeps timers until the test runs one of them."""
+
+    def __init__(self) -> None:
+        self.timers: list[DrawnTimer] = []
+
+    def call_later(self, _delay: float, call: Callable[[], object]) -> DrawnTimer:
+        self.timers.append(DrawnTimer(call))
+        return self.timers[-1]
+
+    def run_one(self, drawn: random.Random) -> bool:
+        self.timers = [timer for timer in self.timers if timer.call is not None]
+        if not self.timers:
+            return False
+        timer = self.timers.pop(drawn.randrange(len(self.timers)))
+        assert timer.call is not None
+        timer.call()
+        return True
+
+
+class DrawnMaster(FakeMaster):
+    """Executes or loses each call, and then loses some answers."""
+
+    def __init__(self, drawn: random.Random) -> None:
+        super().__init__()
+        self.is_registered = False
+        self.registrations = 0
+        self._drawn = drawn
+        self._lost = 0
+
+    def answer_one(self, is_faulty: bool) -> bool:
+        """Handles the oldest call; returns False if there is none."""
+        if not self.calls:
+            return False
+        method, registers = self.calls[0][0], self.calls[0][0] == "registerPublisher"
+        fate = self._drawn.random() if is_faulty else 1.0
+        # An unregistration is repeated only so often.
+        if not registers and self._lost + 1 >= UNREGISTER_ATTEMPTS:
+            fate = 1.0
+        if fate < 0.15:
+            self._lost += 1
+            self.answer(NoAnswer("the call was lost"))
+            return True
+        if registers and fate < 0.3:
+            self.answer("no")
+            return True
+        self.is_registered = registers
+        self.registrations += registers
+        is_lost = 0.3 <= fate < 0.45
+        self._lost = self._lost + 1 if is_lost and not registers else 0
+        assert self.answer(NoAnswer("the answer was lost") if is_lost else "") == method
+        return True
+
+
+class DrawnOwner(FakeOwner):
+    registration: Registration
+
+    def close_users(self) -> None:
+        assert not self.registration.is_serving, "users are closed while it is served"
+
+
+@pytest.mark.parametrize("first", range(0, 1000, 100))
+def test_whatever_gets_lost_the_last_request_wins(first: int) -> None:
+    for seed in range(first, first + 100):
+        _play(random.Random(seed))
+
+
+def _play(drawn: random.Random) -> None:
+    context = FakeContext()
+    master = context.master = DrawnMaster(drawn)
+    reactor = context.reactor = DrawnReactor()  # type: ignore[assignment]
+    owner = DrawnOwner()
+    registration = owner.registration = Registration(context, FakeNodes(), owner)  # type: ignore[arg-type]
+    is_shown, refreshed_at = False, -1
+
+    def show() -> None:
+        nonlocal is_shown
+        is_shown = True
+        registration.show()
+
+    def hide() -> None:
+        nonlocal is_shown
+        is_shown = False
+        registration.hide()
+
+    def refresh() -> None:
+        nonlocal refreshed_at
+        refreshed_at = master.registrations
+        registration.refresh()
+
+    acts: list[Callable[[], object]] = [
+        show,
+        hide,
+        refresh,
+        lambda: master.answer_one(True),
+        lambda: master.answer_one(True),
+        lambda: reactor.run_one(drawn),
+    ]
+    for _ in range(drawn.randrange(1, 30)):
+        drawn.choice(acts)()
+        assert len(master.calls) <= 1, "one call at a time"
+    while master.answer_one(False) or reactor.run_one(drawn):
+        assert len(master.calls) <= 1, "one call at a time"
+    assert (registration.is_serving, bool(owner.topics)) == (is_shown, is_shown)
+    assert master.is_registered == is_shown
+    if owner.told:
+        assert (owner.told[-1] == "shown") == is_shown
+    if is_shown:
+        assert master.registrations > refreshed_at, "the master has notified all since the refresh"
