@@ -1,5 +1,8 @@
 """A request changes all its rules, or is refused with the protocol's code and changes nothing."""
 
+import random
+import time
+
 import pytest
 
 from rocon_gateway.error import RequestError
@@ -137,3 +140,53 @@ def test_the_number_of_rules_is_limited() -> None:
         assert full.without(action, "robot").added(action, many[:1])
     with pytest.raises(RequestError, match="cancel some first"):
         book.advertised(rules).advertised([Rule(Kind.SERVICE, "/s")])
+
+
+def means(asked: Rule, rule: Rule) -> bool:
+    """Returns whether cancelling one rule cancels another one."""
+    return asked == rule or (not asked.node and (asked.kind, asked.name) == (rule.kind, rule.name))
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_cancelling_drawn_rules_leaves_those_that_none_of_them_means(seed: int) -> None:
+    drawn = random.Random(seed)
+    rules = [
+        Rule(kind, name, node)
+        for kind in (Kind.PUBLISHER, Kind.SUBSCRIBER)
+        for name in ("/a", "/b", "/c")
+        for node in ("", "/x", "/y")
+    ]
+    remotes = [remote(rule, gateway) for rule in rules for gateway in ("other", "third")]
+    known, cancelled = (tuple(drawn.sample(remotes, drawn.randrange(20))) for _ in range(2))
+    kept = [
+        one
+        for one in known
+        if not any(
+            one.gateway == other.gateway and means(other.rule, one.rule) for other in cancelled
+        )
+    ]
+    book = EMPTY.added("flip", known).removed("flip", cancelled)
+    assert book.flips.rules == tuple(kept)
+
+    known_rules, asked = (drawn.sample(rules, drawn.randrange(9)) for _ in range(2))
+    left = known_rules
+    is_refused = False
+    for rule in asked:
+        is_refused = is_refused or not any(means(rule, one) for one in left)
+        left = [one for one in left if not means(rule, one)]
+    advertising = EMPTY.advertised(known_rules)
+    if is_refused:
+        assert refusal(advertising.unadvertised, asked) == Code.ADVERTISEMENT_NOT_FOUND
+    else:
+        assert advertising.unadvertised(asked).advertisements.rules == tuple(left)
+
+
+def test_a_full_book_is_filled_and_emptied_in_far_less_than_a_second() -> None:
+    """Cancelling 3,500 rules compared each with each and took more than ten seconds."""
+    rules = [Rule(Kind.PUBLISHER, f"/pioneer{number}/scan") for number in range(MOST_RULES)]
+    remotes = [remote(rule) for rule in rules]
+    began = time.process_time()
+    book = EMPTY.advertised(rules).added("flip", remotes).added("pull", remotes)
+    book = book.unadvertised(rules).removed("flip", remotes).removed("pull", remotes)
+    assert time.process_time() - began < 1.0
+    assert book == EMPTY

@@ -63,7 +63,7 @@ class RuleBook:
         Raises:
             RequestError: 31 for an existing rule, 39 for a blacklisted one or a parameter given by a pattern.
         """
-        known = list(self.advertisements.rules)
+        known = dict.fromkeys(self.advertisements.rules)
         for rule in rules:
             if rule in known:
                 raise RequestError(
@@ -71,20 +71,25 @@ class RuleBook:
                 )
             _check_parameter(rule, Code.UNKNOWN_ADVERTISEMENT_ERROR)
             self._refuse_blacklisted(rule, Code.UNKNOWN_ADVERTISEMENT_ERROR)
-            known.append(rule)
+            known[rule] = None
         _check_number(known, "advertisements")
         return replace(self, advertisements=replace(self.advertisements, rules=tuple(known)))
 
     def unadvertised(self, rules: Iterable[Rule]) -> "RuleBook":
         """Removes advertisements; one without node removes all of its kind and name. Raises RequestError 32 if none."""
-        known = list(self.advertisements.rules)
+        known = dict.fromkeys(self.advertisements.rules)
+        by_name: dict[tuple[str, str], list[Rule]] = {}
+        for rule in known:
+            by_name.setdefault((rule.kind, rule.name), []).append(rule)
         for rule in rules:
-            found = [one for one in known if _means(rule, one)]
+            candidates = [rule] if rule.node else by_name.get((rule.kind, rule.name), [])
+            found = [one for one in candidates if one in known]
             if not found:
                 raise RequestError(
                     Code.ADVERTISEMENT_NOT_FOUND, f"there is no such advertisement: {rule}"
                 )
-            known = [one for one in known if one not in found]
+            for one in found:
+                del known[one]
         return replace(self, advertisements=replace(self.advertisements, rules=tuple(known)))
 
     def advertising_all(self, blacklist: Iterable[Rule]) -> "RuleBook":
@@ -116,25 +121,26 @@ class RuleBook:
                 )
             self._refuse_blacklisted(rule, Code.HUB_UNKNOWN_ERROR)
         targets = self.targets(action)
-        known = list(targets.rules)
+        known = dict.fromkeys(targets.rules)
         for remote in remotes:
             self._refuse_self(remote.gateway)
             if remote in known:
                 raise RequestError(_EXISTS[action], f"this {action} rule exists already: {remote}")
-            known.append(remote)
+            known[remote] = None
         _check_number(known, f"{action} rules")
         return self._with_targets(action, Targets(tuple(known), targets.everything))
 
     def removed(self, action: str, remotes: Iterable[RemoteRule]) -> "RuleBook":
         """Removes flips or pulls; one without node removes all of its kind and name. Ignores unknown rules."""
-        asked = tuple(remotes)
+        asked = set(remotes)
+        of_any_node = {
+            (one.gateway, one.rule.kind, one.rule.name) for one in asked if not one.rule.node
+        }
         targets = self.targets(action)
         kept = tuple(
             one
             for one in targets.rules
-            if not any(
-                remote.gateway == one.gateway and _means(remote.rule, one.rule) for remote in asked
-            )
+            if one not in asked and (one.gateway, one.rule.kind, one.rule.name) not in of_any_node
         )
         return self._with_targets(action, Targets(kept, targets.everything))
 
@@ -217,10 +223,6 @@ def _check_number(rules: Collection[object], what: str) -> None:
         raise RequestError(
             Code.HUB_UNKNOWN_ERROR, f"a gateway may have {MOST_RULES} {what}: cancel some first"
         )
-
-
-def _means(asked: Rule, rule: Rule) -> bool:
-    return asked == rule or (not asked.node and (asked.kind, asked.name) == (rule.kind, rule.name))
 
 
 def _unique(rules: Iterable[Rule]) -> tuple[Rule, ...]:
