@@ -264,7 +264,8 @@ class HubClient:
             self._show()
             self._state.write(session)
             if time.monotonic() >= beat:
-                self._state.heartbeat(session)
+                if self._state.heartbeat(session):
+                    self._kept = session.kept()
                 # Only now: a server that lets us join and then answers badly must give way to other hubs.
                 if time.monotonic() - begun > ALIVE:
                     self.failures = 0

@@ -128,17 +128,22 @@ class HubState:
         """Ends the visit; the view keeps the last known state."""
         self.view = replace(self.view, connected=False)
 
-    def heartbeat(self, session: Session) -> None:
-        """Renews our registration; raises HubError if another gateway has taken our name."""
+    def heartbeat(self, session: Session) -> bool:
+        """Renews our registration; raises HubError if another gateway has taken our name.
+
+        Returns whether the hub had lost us, and so perhaps everything else of us, and we have joined it again.
+        """
         holder, listed = session.live()
         if holder is None or (holder == session.instance and not listed):
             # The hub has lost our registration: it was cleared, or we were silent for too long.
             session.join(self._record, self._requests, self._own_namespaces)
-        elif holder != session.instance:
+            return True
+        if holder != session.instance:
             self.displaced = True
             raise HubError(
                 Code.HUB_CONNECTION_LOST, f"another gateway took our name '{session.name}'"
             )
+        return False
 
     def take(self, session: Session, events: Iterable[tuple[str, str]], now: float) -> None:
         """Handles events, given as (channel, text), and reads all changed data in one go."""
