@@ -15,7 +15,7 @@ from unittest import mock
 
 from ring import Ring
 from simulated_master import SimulatedMaster
-from simulated_network import Network, SimulatedReactor
+from simulated_network import SLOWEST_LOOK_UP, Network, SimulatedReactor
 from std_msgs.msg import String
 from std_srvs.srv import Empty
 
@@ -312,7 +312,8 @@ class World:
             member.handle.register_again()
         if not self.reactor.run(SETTLE, self._is_registered):
             self.complain("registrations: " + self._difference())
-        self.reactor.run(10.0)
+        # A look-up that began among the faults takes long, and then comes a retry.
+        self.reactor.run(SLOWEST_LOOK_UP + 10.0)
         expected = [
             (member.number, topic, member.publish(topic, self.drawn.choice(SIZES)))
             for member in self._live()

@@ -14,6 +14,9 @@ from typing import Any
 
 from tcpros.reactor import BUFFER_SIZE, Timer
 
+SLOWEST_LOOK_UP = 20.0
+"""The longest time that a name server takes [s]."""
+
 WIDER_AFTER, WIDEST = 30_000, 4_000_000
 """A connection takes twice as many unread bytes after this many bytes, up to a limit, as TCP does."""
 
@@ -377,7 +380,9 @@ class Network:
                 if network.is_faulty and network.drawn.random() < 0.02:
                     network.refused_threads += 1
                     raise RuntimeError("can't start new thread")
-                delays = (0.0, 0.01, 1.0, 20.0) if network.is_faulty else (0.0, 0.01, 1.0)
+                delays = (
+                    (0.0, 0.01, 1.0, SLOWEST_LOOK_UP) if network.is_faulty else (0.0, 0.01, 1.0)
+                )
                 network.reactor.call_later(network.drawn.choice(delays), self._work)
 
         names = {name: getattr(threading, name) for name in dir(threading) if name[0] != "_"}

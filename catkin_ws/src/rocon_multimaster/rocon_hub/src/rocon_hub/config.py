@@ -33,7 +33,7 @@ COMMANDS = (
         "multi",
         "exec",
     ),
-    *("ping", "info", "time"),
+    *("ping", "info", "time", "scan"),
 )
 """The Redis commands that the protocol needs and gateways may use."""
 

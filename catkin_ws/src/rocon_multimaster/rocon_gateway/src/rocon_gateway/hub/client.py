@@ -270,8 +270,7 @@ class HubClient:
                 if time.monotonic() - begun > ALIVE:
                     self.failures = 0
                 self._learn(session)
-                if (keep := self._keep) != self._kept:
-                    session.keep(keep)
+                if (keep := self._keep) != self._kept and session.keep(keep):
                     self._kept = keep
                 # Counted from the end of the heartbeat, so that even with a slow hub there is time for events.
                 beat = time.monotonic() + HEARTBEAT

@@ -57,6 +57,9 @@ ALIVE = 2.0
 HEARTBEAT = 0.5
 """Heartbeat period [s]."""
 
+SCANNED = 1000
+"""Number of the hub's keys that are looked at by one call."""
+
 
 @dataclass(frozen=True, slots=True)
 class Description:
@@ -132,7 +135,8 @@ class HubSession:
     ) -> None:
         """Registers us, replacing an earlier gateway of our name. Record and requests are written before the event.
 
-        Older requests under our name are withdrawn from gateways to which we have no request now.
+        Older requests under our name are withdrawn from gateways to which we have no request now, also from those that
+        the hub does not list: an earlier gateway of our name may have written one to a gateway that had just left.
 
         Args:
             record: our record.
@@ -142,7 +146,7 @@ class HubSession:
         self._tell_namespaces(namespaces)
         self._record = record
         self._written = dict(requests)
-        others = sorted(self.client.smembers(GATEWAYS_KEY) - {self.name, *requests})
+        others = sorted(self._receivers() - {self.name, *requests})
         with self.client.pipeline() as pipe:
             for receiver in others:
                 pipe.hdel(requests_key(receiver), self.name)
@@ -158,6 +162,14 @@ class HubSession:
         for error in results[len(others) :]:
             if isinstance(error, redis.RedisError):
                 raise error
+
+    def _receivers(self) -> set[str]:
+        """Returns the names of all gateways to which there are requests, also of those that are not listed."""
+        try:
+            inboxes = list(self.client.scan_iter(match=requests_key("*"), count=SCANNED))
+        except redis.exceptions.NoPermissionError:  # a hub of an earlier version
+            return set(self.client.smembers(GATEWAYS_KEY))
+        return {key.removeprefix(requests_key("")) for key in inboxes}
 
     def _tell(
         self, pipe: redis.client.Pipeline, event: str, namespaces: Collection[str] = ()
@@ -301,12 +313,19 @@ class HubSession:
         except redis.ResponseError:  # another client has overwritten the key
             return ""
 
-    def keep(self, text: str) -> None:
-        """Stores a text on the hub for the next gateway of our name; it outlives our session. Empty deletes it."""
-        if text:
-            self.client.set(kept_key(self.name), text)
-        else:
-            self.client.delete(kept_key(self.name))
+    def keep(self, text: str) -> bool:
+        """Stores a text on the hub for the next gateway of our name; it outlives our session. Empty deletes it.
+
+        Returns whether it did: not if we have lost our name, which `live` will report.
+        """
+
+        def fill(pipe: redis.client.Pipeline) -> None:
+            if text:
+                pipe.set(kept_key(self.name), text)
+            else:
+                pipe.delete(kept_key(self.name))
+
+        return self._execute_as((self.instance,), fill)
 
     def describe(self, names: Collection[str]) -> list[Description]:
         """Returns what the hub knows of `names`, or of all others if empty; skips unknown names. For any thread.

@@ -78,6 +78,10 @@ class RedisModel:
     def hmget(self, key: str, fields: Iterable[str]) -> list[str | None]:
         return [self.values.get(key, {}).get(field) for field in fields]
 
+    def scan_iter(self, match: str, count: int) -> list[str]:
+        """Returns the keys that begin as `match` does, which ends with an asterisk."""
+        return [key for key in self.values if key.startswith(match.removesuffix("*"))]
+
     def publish(self, channel: str, text: str) -> None:
         for subscription in list(self.subscriptions[channel]):
             self.deliver(subscription, {"type": "message", "channel": channel, "data": text})
