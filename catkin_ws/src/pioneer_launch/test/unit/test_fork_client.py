@@ -9,8 +9,9 @@ import socket
 import stat
 import subprocess
 import sys
+import tempfile
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -38,8 +39,10 @@ def installed(folder: Path, package: str, text: str) -> Path:
 class Machine:
     """A folder with programs, and a computer with one step that runs until the end of the test."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, prefix: Sequence[str] = ()) -> None:
+        """Takes the folder, and a command that runs other commands, for everything that this machine starts."""
         self.folder, self.socket = folder, folder / "socket"
+        self._prefix = prefix
         # No locale is set, as in a container: each interpreter then adds one to its environment.
         others = {
             name: value
@@ -52,7 +55,7 @@ class Machine:
 
     def start(self) -> "subprocess.Popen[str]":
         """Starts the computer, which prints a line once its step runs."""
-        command = [str(self._computer), "sh -c 'echo runs; exec sleep 600'"]
+        command = [*self._prefix, str(self._computer), "sh -c 'echo runs; exec sleep 600'"]
         return subprocess.Popen(command, env=self.environment, stdout=subprocess.PIPE, text=True)
 
     def server_pid(self, program: str) -> int:
@@ -71,7 +74,7 @@ class Machine:
     ) -> "subprocess.CompletedProcess[str]":
         """Runs ``forked`` with these arguments and waits until it exits."""
         return subprocess.run(
-            [FORKED, *words],
+            [*self._prefix, FORKED, *words],
             env={**self.environment, **variables},
             cwd=folder,
             input="of its input",
@@ -103,6 +106,23 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machine]:
         assert computer.stdout.readline() == "runs\n"
         yield made
         computer.terminate()
+
+
+def as_nobody() -> list[str]:
+    """Returns a command that runs others as a user for whom the number of processes is limited; it is not for root."""
+    if os.getuid():
+        return []
+    words = ["setpriv", "--reuid=nobody", "--regid=nogroup", "--clear-groups"]
+    # The folders of the tests may be closed to others.
+    return [*words, "--inh-caps=+dac_override", "--ambient-caps=+dac_override"]
+
+
+@pytest.fixture
+def open_folder() -> Iterator[Path]:
+    """A folder that every user may use."""
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder).chmod(0o777)
+        yield Path(folder)
 
 
 def line_of(process: "subprocess.Popen[str]") -> list[str]:
@@ -416,5 +436,63 @@ def test_a_server_without_descriptors_or_processes_serves_again_once_it_has_some
                 text, _ = process.communicate(timeout=PATIENCE)
             found.append(text.strip() != "")
         assert all(found), "each program was forked or executed"
+        assert made.run(path).stdout == "fork_server\n"
+        assert made.server_pid(path) == server
+
+
+def test_a_refused_fork_is_answered_and_the_server_forks_again_once_it_may(
+    open_folder: Path,
+) -> None:
+    """A refused fork ended the server, and with it the exit statuses of all programs."""
+    made = Machine(open_folder, as_nobody())
+    path = made.program("")
+
+    def limit(processes: str) -> None:
+        command = [*as_nobody(), "prlimit", "--pid", str(server), f"--nproc={processes}:"]
+        subprocess.run(command, check=True)
+
+    with made.start() as computer, contextlib.ExitStack() as at_end:
+        at_end.callback(computer.terminate)
+        assert computer.stdout is not None
+        assert computer.stdout.readline() == "runs\n"
+        server = made.server_pid(path)
+        limit("1")
+        done = made.run(path)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout != "fork_server\n", "it was executed"
+        own, _ = resource.getrlimit(resource.RLIMIT_NPROC)
+        limit("unlimited" if own == resource.RLIM_INFINITY else str(own))
+        assert made.run(path).stdout == "fork_server\n"
+        assert made.server_pid(path) == server
+
+
+UNREADABLE: dict[str, Callable[[Path], object]] = {
+    "it is gone": Path.unlink,
+    "it is a folder": lambda path: (path.unlink(), path.mkdir()),
+    "it leads nowhere": lambda path: (path.unlink(), path.symlink_to(path)),
+    "it has no text": lambda path: path.write_bytes(b"\xff\x00\xfe" * 1000),
+    "it is empty": lambda path: path.write_bytes(b""),
+    "it names no interpreter": lambda path: path.write_bytes(b"#!\xff\n"),
+    "nobody may read it": lambda path: path.chmod(0),
+}
+
+
+@pytest.mark.parametrize("how", UNREADABLE)
+def test_an_unreadable_program_is_an_error_of_its_own_and_the_server_goes_on(
+    tmp_path: Path, how: str
+) -> None:
+    made = Machine(tmp_path)
+    path = made.program("")
+    with made.start() as computer, contextlib.ExitStack() as at_end:
+        at_end.callback(computer.terminate)
+        assert computer.stdout is not None
+        assert computer.stdout.readline() == "runs\n"
+        server = made.server_pid(path)
+        broken = installed(tmp_path / "broken", "programs", "print('it runs')")
+        UNREADABLE[how](broken)
+        done = made.run(str(broken))
+        assert (done.returncode == 0) == (done.stderr == ""), done
+        assert "Traceback" not in done.stderr
+        assert len(done.stderr.splitlines()) <= 1
         assert made.run(path).stdout == "fork_server\n"
         assert made.server_pid(path) == server

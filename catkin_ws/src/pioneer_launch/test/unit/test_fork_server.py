@@ -28,12 +28,12 @@ def status(process):
 """
 
 
-def drive(folder: Path, program: str, steps: str) -> str:
-    """Runs ``steps`` next to a fork server that starts ``program``; returns all output."""
+def drive(folder: Path, program: str, steps: str, start: str = START) -> str:
+    """Runs ``start`` and ``steps`` next to a fork server that starts ``program``; returns all output."""
     script, driver = folder / "program", folder / "driver.py"
     script.write_text(textwrap.dedent(program))
     driver.write_text(
-        f"PROGRAM, FOLDER = {str(script)!r}, {str(folder)!r}\n{START}{textwrap.dedent(steps)}"
+        f"PROGRAM, FOLDER = {str(script)!r}, {str(folder)!r}\n{start}{textwrap.dedent(steps)}"
     )
     done = subprocess.run(
         [sys.executable, str(driver)],
@@ -170,3 +170,31 @@ def test_an_interrupted_program_ends_by_the_signal_as_an_executed_one(tmp_path: 
         assert status(process) == -signal.SIGINT
     """
     assert drive(tmp_path, program, steps) == ""
+
+
+def test_a_refused_fork_is_an_error_and_a_later_one_starts(tmp_path: Path) -> None:
+    """It ended the server. `fork` is replaced: root, who runs the tests in a container, may always fork."""
+    driver = START.replace(
+        "server = start_server()",
+        "real, refusals = os.fork, [BlockingIOError(11, 'no more processes')] * 2\n"
+        "def fork():\n"
+        "    if os.getpid() != OURS and refusals:\n"
+        "        raise refusals.pop()\n"
+        "    return real()\n"
+        "OURS, os.fork = os.getpid(), fork\n"
+        "server = start_server()",
+    )
+    seen = drive(
+        tmp_path,
+        "print('it runs')",
+        """
+        for _ in range(2):
+            try:
+                start()
+            except ForkServerError as error:
+                print(error, flush=True)
+        print(status(start()), flush=True)
+        """,
+        driver,
+    )
+    assert seen == "it cannot fork: no more processes\n" * 2 + "it runs\n0\n"

@@ -229,10 +229,11 @@ class HubClient:
         return not (self._told_lost and code == Code.HUB_CONNECTION_UNRESOLVABLE)
 
     def _enter(self, session: HubSession) -> None:
-        self._kept = session.kept()
-        self._keep = self._context.restore(self._kept)
+        self._keep = self._context.restore(session.kept())
         host = self._context.host or own_address(session.address.host)
         self._state.enter(session, host, time.monotonic())
+        # Read again: until we joined, another gateway of our name could write it.
+        self._kept = session.kept()
         self._session, self._told_lost = session, False
         self._nameless.clear()
         self._context.logger.info(

@@ -1,4 +1,7 @@
-"""Random fault schedules against the real hub client; `python3 test_live_hub.py FIRST SECONDS` runs some."""
+"""Random fault schedules against the real hub client; `python3 test_live_hub.py FIRST SECONDS` runs some.
+
+A seed gives the same schedule in each process with PYTHONHASHSEED=0.
+"""
 
 import sys
 import time
