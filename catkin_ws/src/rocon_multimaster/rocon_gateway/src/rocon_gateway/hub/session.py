@@ -57,6 +57,9 @@ ALIVE = 2.0
 HEARTBEAT = 0.5
 """Heartbeat period [s]."""
 
+FORGOTTEN = object()
+"""In place of a request that was written, but may not be on the hub any more."""
+
 SCANNED = 1000
 """Number of the hub's keys that are looked at by one call."""
 
@@ -83,7 +86,7 @@ class HubSession:
         self.name = name
         self.instance = instance
         self.client = redis_client(address, access)
-        self._written: dict[str, PeerRequest] = {}
+        self._written: dict[str, PeerRequest | object] = {}
         self._record: Record | None = None
         self.salt = ""  #: the hub's salt as of the last heartbeat
         try:
@@ -303,8 +306,12 @@ class HubSession:
         return True
 
     def forget(self, receiver: str) -> None:
-        """Makes the next `write` repeat the request to `receiver`, which is a new instance or came from a lost hub."""
-        self._written.pop(receiver, None)
+        """Makes the next `write` repeat the request to `receiver`, which is a new instance or came from a lost hub.
+
+        If there is no request to it any more, the next `write` deletes the former one.
+        """
+        if receiver in self._written:
+            self._written[receiver] = FORGOTTEN
 
     def kept(self) -> str:
         """Returns the text that the hub has stored for our name; empty for none."""

@@ -12,8 +12,17 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent.parent))
 sys.path.insert(0, str(Path(__file__).parent))
 from live_world import LiveWorld
+from process import HUB
+from redis_model import ClientModel, RedisModel
 from schedule import drawn
 from simulated_thread import SimulatedThread
+
+from rocon_gateway.hub import session as hub_session
+from rocon_gateway.hub.session import HubSession
+from rocon_hub.registry import Registry
+from rocon_hub_protocol.key import requests_key
+from rocon_hub_protocol.record import PeerRequest, Record
+from rocon_hub_protocol.redis_client import OPEN
 
 CHUNK = 25
 
@@ -40,6 +49,22 @@ def test_a_schedule_with_threads_is_the_same_in_each_run() -> None:
     assert len(first) > 100
     assert times() == first
     assert SimulatedThread.current is None
+
+
+def test_a_request_withdrawn_while_its_receiver_joins_again_is_deleted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The receiver kept a flip that nobody had any more, and its rule stayed `refused`."""
+    hub = RedisModel(1, lambda: 0.0, lambda _subscription, _message: None)
+    Registry(ClientModel(lambda: hub), 60.0).open("Pioneer Hub")
+    monkeypatch.setattr(hub_session, "redis_client", lambda *_: ClientModel(lambda: hub))
+    session = HubSession(HUB, OPEN, "sender", "first run")
+    record = Record("sender", "first run", "host", 1, False)
+    session.join(record, {"receiver": PeerRequest()})
+    assert hub.hgetall(requests_key("receiver")).keys() == {"sender"}
+    session.forget("receiver")
+    session.write(record, {})
+    assert hub.hgetall(requests_key("receiver")) == {}
 
 
 def main(first: int, seconds: float) -> int:
