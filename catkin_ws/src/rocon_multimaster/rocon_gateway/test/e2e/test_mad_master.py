@@ -1,5 +1,6 @@
 """A ROS master that answers with errors or late for a while: running links continue, and links that end are closed."""
 
+import contextlib
 import http.client
 import os
 import signal
@@ -11,6 +12,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 import pytest
+from gateway_msgs import msg, srv
 from measure import longest_gap
 
 from pioneer_harness.masters import Master
@@ -29,6 +31,8 @@ class MadMaster(Master):
         super().__init__()
         self.front = ThreadingHTTPServer(("127.0.0.1", 0), _Handler)
         self.front.daemon_threads = True
+        self.front.may_answer = threading.Event()
+        self.front.may_answer.set()
         self.front.behind, self.front.is_mad, self.front.before, self.front.after = (
             self.port,
             False,
@@ -57,14 +61,17 @@ class _Handler(BaseHTTPRequestHandler):
     def do_POST(self) -> None:
         body = self.rfile.read(int(self.headers["Content-Length"]))
         method = str(xmlrpc.client.loads(body)[1])
+        self.server.may_answer.wait()
         self.server.before.get(method, str)()
         status, said = (500, b"") if self.server.is_mad else _asked(self.server.behind, body)
         self.server.after.get(method, str)()
         self.send_response(status)
         self.send_header("Content-Type", "text/xml")
         self.send_header("Content-Length", str(len(said)))
-        self.end_headers()
-        self.wfile.write(said)
+        # A client that no longer waits for the answer of a master that hung has closed the connection.
+        with contextlib.suppress(ConnectionError):
+            self.end_headers()
+            self.wfile.write(said)
 
     def log_message(self, format: str, *args: object) -> None:
         """Suppresses logging."""
@@ -85,6 +92,7 @@ def mad(standing_fleet) -> Iterator[MadMaster]:
     made = MadMaster()
     yield made
     made.front.is_mad = False
+    made.front.may_answer.set()
 
 
 def test_a_master_that_answers_nonsense_stops_no_data_and_is_one_line(
@@ -152,3 +160,32 @@ def test_a_gateway_unregistered_during_shutdown_does_not_re_register(
     assert not registered.is_set()
     assert "registered again" not in site.log.read_text()
     assert site.publishers("/gateway/gateway_info") == []
+
+
+def test_a_master_that_only_hung_keeps_what_was_changed_on_it_since_a_parameter_was_pulled(
+    standing_fleet, standing, mad
+) -> None:
+    """It was taken for a restarted master, and the pulled values replaced the local changes."""
+    base, _ = standing
+    site = standing_fleet.site("coma", mad)
+    site.start().connected()
+    base.master.set_param("/gain", 1)
+    rule = msg.Rule("parameter", "/gain", "")
+    assert base.call("advertise", srv.Advertise, rules=[rule]).result == 0
+    assert site.pull("base", "parameter", "/gain") == 0
+    wait_until(lambda: site.states()["pull /gain"].startswith("active"), "copied", 5)
+    assert mad.get_param("/gain") == 1
+    mad.set_param("/gain", 2)
+    lost, back = "running links stay up", "the ROS master answers again"
+    for times in (1, 2):
+        mad.front.may_answer.clear()
+        wait_until(lambda n=times: site.log.read_text().count(lost) == n, "the line", 15)
+        mad.front.may_answer.set()
+        wait_until(lambda n=times: site.log.read_text().count(back) == n, "it is awake", 15)
+        # A rule that is reconciled afterwards shows that the gateway has done what it does then.
+        assert site.flip("robot", "subscriber", f"/after{times}") == 0
+        assert site.states()[f"flip /after{times}"]
+        assert mad.get_param("/gain") == 2
+    assert "registered again" not in site.log.read_text()
+    assert site.pull("base", "parameter", "/gain", cancel=True) == 0
+    assert base.call("advertise", srv.Advertise, rules=[rule], cancel=True).result == 0
