@@ -276,14 +276,12 @@ def test_obstacles_as_wide_as_a_robot_are_found_as_by_comparing_all_pairs_of_cel
         )
         costmap.update(Pose(2.5, 2.5), (Observation(LASER, 2.5, 2.5, points),))
         found = {tuple(point) for point in costmap.unmapped(Pose(2.5, 2.5), 4.0).round(3).tolist()}
-        cells = (
-            np.argwhere(next(iter(costmap._obstacles.values())).cells == LETHAL)[:, ::-1] + 0.5
-        ) * 0.05
-        apart = np.hypot(*(cells[:, None] - cells[None]).T)
-        wide = ((apart > 0.32) & (apart < 0.6)).any(axis=0)
-        joined = apart < 0.3
+        cells = np.argwhere(next(iter(costmap._obstacles.values())).cells == LETHAL)[:, ::-1]
+        apart = np.square(cells[:, None] - cells[None]).sum(axis=2)  # [cells**2], exact
+        wide = ((apart > (0.32 / 0.05) ** 2) & (apart <= 12**2)).any(axis=0)
+        joined = apart < 6**2
         for _ in range(len(cells)):
             joined = joined @ joined
-        extents = [float(np.hypot(*np.ptp(cells[row], axis=0))) for row in joined]
-        expected = cells[wide & (np.array(extents) < 1.2)]
+        extents = [np.square(np.ptp(cells[row], axis=0)).sum() for row in joined]
+        expected = (cells[wide & (np.array(extents) < 24**2)] + 0.5) * 0.05
         assert found == {tuple(point) for point in expected.round(3).tolist()}

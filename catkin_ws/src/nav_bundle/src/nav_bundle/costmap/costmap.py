@@ -5,9 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
 
 from nav_bundle.base.pose import Pose
 from nav_bundle.costmap.config import (
@@ -23,6 +20,7 @@ from nav_bundle.costmap.fleet_layer import FleetLayer
 from nav_bundle.costmap.footprint_kernel import footprint_cost
 from nav_bundle.costmap.geometry import EMPTY, Cells, Geometry, Window
 from nav_bundle.costmap.layer import InflationLayer, Observation, ObstacleLayer, StaticLayer
+from nav_bundle.costmap.obstacle_kernel import Sizes, keep_robot_sized
 from nav_bundle.costmap.voxel_layer import VoxelLayer
 from nav_bundle.maps.grid import Grid
 
@@ -372,31 +370,9 @@ class Costmap:
             return np.empty((0, 2))
         for mapped in self._maps:
             seen &= ~mapped.near(part, cells_of_distance(_KNOWN, place.resolution))
-        cells = np.argwhere(seen)[:, ::-1] + (part.col_0 + 0.5, part.row_0 + 0.5)
+        marks = seen.view(np.uint8)
+        limits = (_JOINED, width, _WIDEST, _TOO_WIDE)
+        keep_robot_sized(marks, Sizes(*(limit / place.resolution for limit in limits)))
+        cells = np.argwhere(marks)[:, ::-1] + (part.col_0 + 0.5, part.row_0 + 0.5)
         points = cells * place.resolution + (place.origin_x, place.origin_y)
-        tree = KDTree(points)
-        within = [
-            tree.query_ball_point(points, distance, return_length=True)
-            for distance in (width, _WIDEST)
-        ]
-        wide = within[1] > within[0]  # there is a point at a distance between the two
-        wide &= _extents(points, tree) < _TOO_WIDE
-        return np.ascontiguousarray(points[wide])
-
-
-def _extents(points: NDArray[np.float64], tree: KDTree) -> NDArray[np.float64]:
-    """Returns the diagonal [m] of the box around each point's obstacle, shape (n,).
-
-    Args:
-        points: shape (n, 2) [m]; points less than ``_JOINED`` apart are on the same obstacle.
-        tree: the same points.
-    """
-    pairs = tree.query_pairs(_JOINED, output_type="ndarray")
-    joined = coo_array(
-        (np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points))
-    )
-    count, labels = connected_components(joined, directed=False)
-    lowest, highest = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
-    np.minimum.at(lowest, labels, points)
-    np.maximum.at(highest, labels, points)
-    return np.hypot(*(highest - lowest).T)[labels]
+        return np.ascontiguousarray(points)
