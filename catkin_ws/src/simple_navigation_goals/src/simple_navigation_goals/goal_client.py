@@ -123,10 +123,14 @@ class GoalClientNode:
 
     def _resume(self) -> None:
         try:
-            for waypoint in self._file.read():
-                self._queue.add(waypoint)
+            kept = self._file.read()
         except QueueFileError as error:
             self._node.logger.warning("%s; starting without", error)
+            return
+        for waypoint in kept.waypoints:
+            self._queue.add(waypoint)
+        if kept.held:
+            self._queue.hold()
 
     def _on_waypoint(
         self, convert: Callable[[Any, str], Waypoint], message: Any, _sender: str
@@ -223,7 +227,7 @@ class GoalClientNode:
 
     def _publish(self) -> None:
         try:
-            self._file.write(self._queue.remaining)
+            self._file.write(self._queue.remaining, self._queue.held)
             self._unwritten.end()
         except QueueFileError as error:
             self._unwritten.warn(str(error))

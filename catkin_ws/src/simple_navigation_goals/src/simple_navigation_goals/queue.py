@@ -122,6 +122,17 @@ class WaypointQueue:
         if not self._server and len(self.waiting) == 1 and self.current is None:
             self._say(f"waiting for {self._action}")
 
+    @property
+    def held(self) -> bool:
+        """Whether the remaining waypoints wait for a new one, because somebody stopped the robot."""
+        return self._held
+
+    def hold(self) -> None:
+        """Lets the waypoints wait for a new one, as those of a client that was stopped before it ended."""
+        self._held = bool(self.waiting or self._patrol)
+        if self._held:
+            self._say(f"{len(self.waiting)} waypoints held until a new waypoint comes")
+
     def patrol(self, patrol: Patrol) -> bool:
         """Clears the queue and starts a patrol; returns the result of ``clear``."""
         was_under_way = self.clear()

@@ -5,6 +5,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import yaml
 
@@ -34,42 +35,58 @@ def read_patrol(path: Path, frame: str) -> Patrol:
         raise PatrolError(f"the patrol {path}: {error}") from None
 
 
+class Kept(NamedTuple):
+    """What a client that has ended leaves to the next one."""
+
+    waypoints: tuple[Waypoint, ...] = ()  #: those that remain, the current one first
+    held: bool = False  #: whether they wait for a new waypoint, because somebody stopped the robot
+
+
 class QueueFile:
     """The queue file at ``path``. With an empty path nothing is read or written."""
 
     def __init__(self, path: str) -> None:
         self._path = Path(path) if path else None
-        self._written: tuple[Waypoint, ...] = ()
+        self._written = Kept()
 
-    def read(self) -> list[Waypoint]:
-        """Returns the waypoints; an empty list if there is no file.
+    def read(self) -> Kept:
+        """Returns what the file holds; no waypoints if there is no file.
 
         Raises:
             QueueFileError: the file cannot be read, or its content is invalid.
         """
         if self._path is None:
-            return []
+            return Kept()
         try:
-            return [Waypoint(**one) for one in json.loads(self._path.read_text())]
+            return _kept_from_json(json.loads(self._path.read_text()))
         except FileNotFoundError:
-            return []
-        except (OSError, ValueError, TypeError, WaypointError) as error:
+            return Kept()
+        except (OSError, ValueError, KeyError, TypeError, WaypointError) as error:
             raise QueueFileError(f"{self._path} holds no waypoints: {error}") from None
 
-    def write(self, waypoints: Sequence[Waypoint]) -> None:
-        """Replaces the file atomically if ``waypoints`` differ from the last ones written.
+    def write(self, waypoints: Sequence[Waypoint], held: bool = False) -> None:
+        """Replaces the file atomically if what it has to hold differs from what was written last.
 
         Raises:
             QueueFileError: the file cannot be written.
         """
-        if self._path is None or tuple(waypoints) == self._written:
+        kept = Kept(tuple(waypoints), held)
+        if self._path is None or kept == self._written:
             return
         beside = self._path.with_name(f".{self._path.name}.{os.getpid()}")
         try:
-            beside.write_text(json.dumps([asdict(one) for one in waypoints]) + "\n")
+            content = {"held": held, "waypoints": [asdict(waypoint) for waypoint in waypoints]}
+            beside.write_text(json.dumps(content) + "\n")
             beside.replace(self._path)
         except OSError as error:
             raise QueueFileError(
                 f"cannot remember the waypoints in {self._path}: {error}"
             ) from None
-        self._written = tuple(waypoints)
+        self._written = kept
+
+
+def _kept_from_json(content: Any) -> Kept:
+    """Returns the content of a queue file; earlier versions wrote a list of waypoints."""
+    fields = {"held": False, "waypoints": content} if isinstance(content, list) else content
+    waypoints = tuple(Waypoint(**each) for each in fields["waypoints"])
+    return Kept(waypoints, bool(fields["held"]))

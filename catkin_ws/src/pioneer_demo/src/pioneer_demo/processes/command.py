@@ -121,9 +121,13 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
         *_parameters(config, ROBOT_PARAMETERS),
     )
     for number, (name, port) in enumerate(zip(config.names, ports.robot_masters, strict=True), 1):
-        # With this file amcl recovers its pose after its computer was killed.
-        correction = str(config.log.absolute() / "ros" / f"{name}-correction.json")
-        own = at(port, HOSTNAME=f"aadi{number}", ROBOT_NAME=name, AMCL_CORRECTION_FILE=correction)
+        kept = config.log.absolute() / "ros"
+        # With this file amcl recovers its pose after its computer was killed ...
+        files = {"AMCL_CORRECTION_FILE": str(kept / f"{name}-correction.json")}
+        if config.restarts_nodes:
+            # ... and with this one the waypoint client its waypoints.
+            files["WAYPOINT_QUEUE_FILE"] = str(kept / f"{name}-waypoints.json")
+        own = at(port, HOSTNAME=f"aadi{number}", ROBOT_NAME=name, **files)
         gateway = _launch(port, "pioneer_gateway.launch", quiet)
         found += [
             Command(gateway_name(number), gateway, own),

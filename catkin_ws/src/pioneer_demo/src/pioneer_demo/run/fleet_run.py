@@ -222,7 +222,7 @@ class FleetRun:
             self.display.say(f"{reason} and is started again")
         for robot in robots:
             self.display.say(
-                f"{reason}; {robot}'s computer is started again, its waypoints must be sent again"
+                f"{reason}; {robot}'s computer is started again and resumes its waypoints"
             )
             with self.lock:
                 self.fleet.robots[self._config.names.index(robot)].monitor.queue = None
