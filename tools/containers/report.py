@@ -79,7 +79,8 @@ def follow(
 
 def progress_line(name: str, report: Mapping[str, Any]) -> str:
     """Returns one line on the progress of a computer's start-up."""
-    return f"{name:16} {report['stage']:9} {report.get('lacks') or report.get('waypoint') or ''}".rstrip()
+    words = report.get("lacks") or report.get("hindrance") or report.get("waypoint") or ""
+    return f"{name:16} {report['stage']:9} {words}".rstrip()
 
 
 def status_table(computers: Sequence[Computer], reports: Mapping[str, Mapping[str, Any]]) -> str:
@@ -102,7 +103,8 @@ def aligned(rows: Sequence[Sequence[str]]) -> str:
 
 def _row(computer: Computer, report: Mapping[str, Any]) -> tuple[str, ...]:
     state = computer.health if computer.running and computer.health else computer.state
-    words = str(report.get("lacks") or report.get("waypoint") or computer.problem)
+    known = (report.get(name) for name in ("lacks", "hindrance", "waypoint"))
+    words = str(next(filter(None, known), computer.problem))
     if not report.get("gateway"):
         return (computer.name, state, *["-"] * 7, words)
     rules = f"{report['active']}/{report['rules']}"

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from nav_bundle.msg import NavigationState
 
-from pioneer_demo.observer.conversions import lack_from_state, trouble_from_state
 from pioneer_demo.observer.fleet import Fleet, faults, stuck_report, time_limit
 from pioneer_demo.observer.track import RobotTrack
 from pioneer_demo.report.view import live_lines, state_word
 from pioneer_demo.scenario.scenario import Success
 from pioneer_demo.scenario.waypoint import Leg
 from pioneer_fleet.geometry import Pose
+from pioneer_fleet.monitor.conversions import lack_from_state, trouble_from_state
 from pioneer_fleet.monitor.monitor import ClientState, Queue
 
 
@@ -81,9 +81,9 @@ def test_the_state_says_what_a_robot_waits_for(fleet):
     assert state_word(robot) == "waiting for client"
     report(robot)
     assert state_word(robot) == "driving"
-    robot.troubles["move_base"] = "blocked: the way is blocked near (7.2, 6.8)"
+    robot.monitor.troubles["move_base"] = "blocked: the way is blocked near (7.2, 6.8)"
     assert state_word(robot) == "blocked: the way is blocked near (7.2, 6.8)"
-    robot.troubles.clear()
+    robot.monitor.troubles.clear()
     robot.add_queue(Queue(ClientState.RESTING, 1, 0, 0, ""))
     assert state_word(robot) == "resting"
     report(robot, reached=1)
@@ -129,7 +129,7 @@ def test_what_a_robot_waits_for_at_the_start_is_shown(fleet) -> None:
     message.text = "starting: waiting for the map"
     assert trouble_from_state(message, {}) == ""
     robot = started(fleet)
-    robot.lacks["move_base"] = lack_from_state(message)
+    robot.monitor.lacks_at_start["move_base"] = lack_from_state(message)
     assert state_word(robot) == "starting: waiting for the map"
 
 
@@ -143,11 +143,11 @@ def started(fleet) -> RobotTrack:
 
 def test_the_right_of_way_says_first_why_a_robot_does_not_get_on(fleet) -> None:
     robot = started(fleet)
-    robot.troubles["move_base"] = "blocked: the way is blocked"
+    robot.monitor.troubles["move_base"] = "blocked: the way is blocked"
     assert state_word(robot) == "blocked: the way is blocked"
-    robot.troubles["traffic"] = "waiting: waits for pioneer2"
+    robot.monitor.troubles["traffic"] = "waiting: waits for pioneer2"
     assert state_word(robot) == "waiting: waits for pioneer2"
-    robot.troubles["traffic"] = ""
+    robot.monitor.troubles["traffic"] = ""
     assert state_word(robot) == "blocked: the way is blocked"
 
 
@@ -155,7 +155,7 @@ def test_the_right_of_way_says_first_why_a_robot_does_not_get_on(fleet) -> None:
 def test_a_robot_whose_action_server_has_died_waits_for_it(fleet, action: str) -> None:
     """The last state of a node that has ended is out of date: kill -9 leaves no other."""
     robot = started(fleet)
-    robot.troubles[action] = "waiting: waits for pioneer2"
+    robot.monitor.troubles[action] = "waiting: waits for pioneer2"
     robot.add_queue(Queue(ClientState.WAITING_FOR_MOVE_BASE, 1, 0, 0, f"{action} disconnected"))
     assert state_word(robot) == f"waiting for {action}"
 

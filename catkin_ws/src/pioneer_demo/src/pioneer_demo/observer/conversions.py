@@ -2,7 +2,7 @@
 
 import contextlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,6 @@ from pioneer_fleet.monitor.conversions import pose_from_message
 
 BEAMS_KEPT = 180
 """Approximate number of beams kept per scan for a video."""
-_AT_ROBOT = 0.8
-"""A place that is nearer to another robot than this is where that robot is [m]."""
 
 
 def floor_from_grid(message: Any) -> Floor:
@@ -63,46 +61,6 @@ def speed_from_truth(message: Any) -> tuple[float, float]:
 def status_from_message(message: Any) -> str:
     """Returns the status text of the newest goal in an ``actionlib_msgs/GoalStatusArray``; empty if there is none."""
     return message.status_list[-1].text if message.status_list else ""
-
-
-def trouble_from_state(message: Any, others: Mapping[str, Pose]) -> str:
-    """Returns why a robot does not get on, from a ``nav_bundle/NavigationState``; empty if it does, or has no goal.
-
-    A robot that does not know the others names an obstacle without its name, which is added here.
-
-    Args:
-        message: the robot's newest state.
-        others: the other robots' poses in ``map``, by name.
-    """
-    troubled = (
-        message.RECOVERING,
-        message.BLOCKED,
-        message.WAITING,
-        message.LOST,
-        message.HELD,
-        message.FAILED,
-    )
-    if message.state not in troubled:
-        return ""
-    robot = _unnamed_robot(message, others)
-    return f"{message.text}: {robot} is there" if robot else str(message.text)
-
-
-def lack_from_state(message: Any) -> str:
-    """Returns what a starting node waits for, from a ``nav_bundle/NavigationState``; empty if for nothing."""
-    names_it = message.text != "starting"
-    return str(message.text) if message.state == message.STARTING and names_it else ""
-
-
-def _unnamed_robot(message: Any, others: Mapping[str, Pose]) -> str:
-    """Returns the name of the robot at the place that a state names, if the state has none; else empty."""
-    is_obstacle = message.reason in (message.WAY_BLOCKED, message.GOAL_OCCUPIED)
-    if message.robot or not message.has_place or not is_obstacle:
-        return ""
-    place = message.place.x, message.place.y
-    distances = {name: math.dist(place, (pose.x, pose.y)) for name, pose in others.items()}
-    nearest = min(distances, key=distances.__getitem__, default="")
-    return nearest if nearest and distances[nearest] < _AT_ROBOT else ""
 
 
 def twist_from_goal(goal: Pose) -> Twist:

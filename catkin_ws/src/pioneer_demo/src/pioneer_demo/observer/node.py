@@ -22,18 +22,21 @@ from tf2_msgs.msg import TFMessage
 from pioneer_demo.observer import conversions
 from pioneer_demo.observer.fleet import Fleet
 from pioneer_demo.observer.recording import Recording
-from pioneer_demo.observer.track import MOVE_BASE, RIGHT_OF_WAY, RobotTrack
+from pioneer_demo.observer.track import RobotTrack
 from pioneer_demo.scenario.floor import Floor
 from pioneer_demo.scenario.option import OBSERVER
 from pioneer_fleet.geometry import Pose
 from pioneer_fleet.monitor.conversions import (
     frame_from_message,
+    lack_from_state,
     mount_of,
     points_from_path,
     pose_from_message,
     pose_from_transform,
     queue_from_message,
+    trouble_from_state,
 )
+from pioneer_fleet.monitor.monitor import MOVE_BASE, RIGHT_OF_WAY
 from pioneer_fleet.tolerance import tolerant
 
 _MAP, _ODOM, _BASE = "map", "odom", "base_link"
@@ -197,8 +200,8 @@ class ObserverNode:
             for other in self._fleet.robots
             if other is not robot and other.pose is not None
         }
-        robot.troubles[action] = conversions.trouble_from_state(message, others)
-        robot.lacks[action] = conversions.lack_from_state(message)
+        robot.monitor.troubles[action] = trouble_from_state(message, others)
+        robot.monitor.lacks_at_start[action] = lack_from_state(message)
 
     def _on_status(self, robot: RobotTrack, message: GoalStatusArray) -> None:
         robot.status = conversions.status_from_message(message)

@@ -10,8 +10,6 @@ from pioneer_demo.scenario.waypoint import Leg
 from pioneer_fleet.geometry import Points, Pose, pose_at, remaining_length
 from pioneer_fleet.monitor.monitor import ClientState, Queue, RobotMonitor
 
-MOVE_BASE, RIGHT_OF_WAY = "move_base", "traffic"
-"""Actions whose servers report what a robot does."""
 _MOVED = 0.05
 _PATH_STEP = 0.05
 _ERROR_INTERVAL = 0.1
@@ -55,11 +53,6 @@ class RobotTrack:
         self.errors: list[float] = []
         self.plan: Points = []
         self.status = ""
-        #: by action, why the robot does not get on, in its server's words; empty if it does, or has no goal
-        self.troubles: dict[str, str] = {}
-        self.lacks: dict[
-            str, str
-        ] = {}  #: by action, what its server waits for at the start; empty for nothing
         self._moved_to: tuple[float, float] | None = None
         self._stamp = self._picked = -math.inf
         self._correction: Pose | None = None
@@ -74,21 +67,6 @@ class RobotTrack:
     def queue(self) -> Queue | None:
         """The waypoint client's newest report."""
         return self.monitor.queue
-
-    @property
-    def action(self) -> str:
-        """Name of the action that takes the robot's waypoints."""
-        return RIGHT_OF_WAY if RIGHT_OF_WAY in self.troubles else MOVE_BASE
-
-    @property
-    def trouble(self) -> str:
-        """Why the robot does not get on; what the right of way says comes before what move_base says."""
-        return self.troubles.get(RIGHT_OF_WAY, "") or self.troubles.get(MOVE_BASE, "")
-
-    @property
-    def lack(self) -> str:
-        """What the robot waits for at the start; empty for nothing."""
-        return self.lacks.get(RIGHT_OF_WAY, "") or self.lacks.get(MOVE_BASE, "")
 
     @property
     def localised(self) -> bool:

@@ -117,12 +117,8 @@ def state_word(robot: RobotTrack) -> str:
         return "driven by another navigation"
     if not robot.localised:
         return "waiting for amcl"
-    if robot.lack:
-        return robot.lack
-    if robot.queue and robot.queue.state is ClientState.WAITING_FOR_MOVE_BASE:
-        return f"waiting for {robot.action}"  # what that said last is out of date
-    if robot.trouble:
-        return robot.trouble
+    if robot.monitor.hindrance:
+        return robot.monitor.hindrance
     return _WORDS[robot.queue.state] if robot.queue else "waiting for client"
 
 

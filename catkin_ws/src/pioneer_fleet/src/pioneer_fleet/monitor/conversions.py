@@ -2,6 +2,7 @@
 
 import math
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
 from typing import Any
 
 from pioneer_fleet.geometry import Points, Pose, yaw_from_quaternion
@@ -11,6 +12,8 @@ FARTHEST = 1e6
 """Maximum coordinate of a position [m]."""
 LARGEST = 1e15
 """Maximum of a number that is shown."""
+_AT_ROBOT = 0.8
+"""A place that is nearer to another robot than this is where that robot is [m]."""
 _STATES = {state.value: state for state in ClientState}
 
 
@@ -23,6 +26,46 @@ def queue_from_message(message: Any) -> Queue:
     waiting = len(message.waiting) + bool(message.current.header.frame_id)
     counts = (message.received, message.reached, message.aborted)
     return Queue(_STATES.get(message.state, ClientState.UNKNOWN), *counts, message.text, waiting)
+
+
+def trouble_from_state(message: Any, others: Mapping[str, Pose]) -> str:
+    """Returns why a robot does not get on, from a ``nav_bundle/NavigationState``; empty if it does, or has no goal.
+
+    A robot that does not know the others names an obstacle without its name, which is added here.
+
+    Args:
+        message: the robot's newest state.
+        others: the other robots' poses in ``map``, by name.
+    """
+    troubled = (
+        message.RECOVERING,
+        message.BLOCKED,
+        message.WAITING,
+        message.LOST,
+        message.HELD,
+        message.FAILED,
+    )
+    if message.state not in troubled:
+        return ""
+    robot = _unnamed_robot(message, others)
+    return f"{message.text}: {robot} is there" if robot else str(message.text)
+
+
+def lack_from_state(message: Any) -> str:
+    """Returns what a starting node waits for, from a ``nav_bundle/NavigationState``; empty if for nothing."""
+    names_it = message.text != "starting"
+    return str(message.text) if message.state == message.STARTING and names_it else ""
+
+
+def _unnamed_robot(message: Any, others: Mapping[str, Pose]) -> str:
+    """Returns the name of the robot at the place that a state names, if the state has none; else empty."""
+    is_obstacle = message.reason in (message.WAY_BLOCKED, message.GOAL_OCCUPIED)
+    if message.robot or not message.has_place or not is_obstacle:
+        return ""
+    place = message.place.x, message.place.y
+    distances = {name: math.dist(place, (pose.x, pose.y)) for name, pose in others.items()}
+    nearest = min(distances, key=distances.__getitem__, default="")
+    return nearest if nearest and distances[nearest] < _AT_ROBOT else ""
 
 
 def pose_from_message(message: Any) -> Pose:

@@ -1,6 +1,7 @@
 """``report``: prints the state of this computer as lines of JSON, until the requested stage or the timeout."""
 
 import argparse
+import functools
 import json
 import math
 import os
@@ -16,13 +17,18 @@ from diagnostic_msgs.msg import DiagnosticArray
 from gateway_msgs.msg import GatewayInfo
 from gazebo_msgs.msg import ModelStates
 from geometry_msgs.msg import PoseWithCovarianceStamped, Twist
+from nav_bundle.msg import NavigationState
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan
 from simple_navigation_goals.msg import WaypointQueue
 from std_msgs.msg import Float64
 
-from pioneer_fleet.monitor.conversions import queue_from_message
-from pioneer_fleet.monitor.monitor import deviation_from_covariance
+from pioneer_fleet.monitor.conversions import (
+    lack_from_state,
+    queue_from_message,
+    trouble_from_state,
+)
+from pioneer_fleet.monitor.monitor import MOVE_BASE, RIGHT_OF_WAY, deviation_from_covariance
 from pioneer_fleet.monitor.report import Report, Stage, states_of
 from pioneer_fleet.monitor.tour import Place, places_from_mapping, tour
 from pioneer_fleet.tolerance import tolerant
@@ -40,8 +46,9 @@ LINE_EVERY = 0.5
 class ReportNode:
     """Subscribes to this computer's gateway and robot, or simulator, and updates one `Report`.
 
-    Subscribes: /gateway/gateway_info, /gateway/rules; for a robot its odom, base_scan, amcl_pose and
-    map_goal_client/queue; on the base station /gazebo/real_time_factor and /gazebo/model_states.
+    Subscribes: /gateway/gateway_info, /gateway/rules; for a robot its odom, base_scan, amcl_pose,
+    map_goal_client/queue, move_base/state and traffic/state; on the base station
+    /gazebo/real_time_factor and /gazebo/model_states.
     Publishes: NAME/map_goal, for the robot's goals.
     Threads: callbacks write under a lock and wake the main thread, which prints.
     """
@@ -65,6 +72,9 @@ class ReportNode:
             self._listen(f"/{report.robot}/base_scan", LaserScan, self._on_scan)
             self._listen(f"/{report.robot}/amcl_pose", PoseWithCovarianceStamped, self._on_pose)
             self._listen(f"/{report.robot}/map_goal_client/queue", WaypointQueue, self._on_queue)
+            for action in (MOVE_BASE, RIGHT_OF_WAY):
+                navigation = functools.partial(self._on_navigation, action)
+                self._listen(f"/{report.robot}/{action}/state", NavigationState, navigation)
         else:
             self._listen("/gazebo/real_time_factor", Float64, self._on_factor)
             self._listen("/gazebo/model_states", ModelStates, self._on_models)
@@ -160,6 +170,10 @@ class ReportNode:
 
     def _on_queue(self, message: WaypointQueue) -> None:
         self._report.queue = queue_from_message(message)
+
+    def _on_navigation(self, action: str, message: NavigationState) -> None:
+        self._report.troubles[action] = trouble_from_state(message, {})
+        self._report.lacks_at_start[action] = lack_from_state(message)
 
     def _on_factor(self, message: Float64) -> None:
         self._report.real_time_factor = round(message.data, 2)
