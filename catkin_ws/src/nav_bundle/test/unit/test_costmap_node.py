@@ -486,8 +486,13 @@ def test_a_costmap_is_that_of_its_newest_inputs_after_long_sequences(seed: int) 
     run(seed, 1500)
 
 
-def test_a_costmap_without_the_robots_pose_names_the_transform_and_not_the_scans() -> None:
-    """Without a pose no scan is used: move_base's state named now the one, now the other."""
+def fault_without_pose(kind: str, *, connected: bool = True) -> str:
+    """Returns the fault of a costmap whose transforms are late or, unless ``connected``, missing.
+
+    Args:
+        kind: fault of the first sensor's messages, which begins with that of the transforms.
+        connected: whether the transforms are only late.
+    """
     network = Network()
     with network.installed():
         chaos = Chaos(1, network)
@@ -495,14 +500,33 @@ def test_a_costmap_without_the_robots_pose_names_the_transform_and_not_the_scans
         for _ in range(20):
             chaos.step()
         chaos.tf_lags = True
-        chaos.set_fault(chaos.sensors[0], "nowhere")
+        chaos.set_fault(chaos.sensors[0], kind)
         for _ in range(round(2.0 * TOLERANCE / STEP)):
             chaos.step()
+        chaos.tree.connected = connected
         assert chaos.node.pose(network.now) is None
-        assert "the newest transform from base_link" in chaos.node.fault(network.now)
-        chaos.tree.connected = False
-        assert chaos.node.pose(network.now) is None
-        assert chaos.node.fault(network.now) == "no transform"
+        return chaos.node.fault(network.now)
+
+
+def test_a_costmap_without_the_robots_pose_names_the_transform_and_not_the_scans() -> None:
+    """Without a pose no scan is used: move_base's state named now the one, now the other."""
+    fault = fault_without_pose("")
+    assert "the newest transform from base_link" in fault
+    assert "observation buffer" not in fault
+    assert fault_without_pose("", connected=False) == "no transform"
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [("silent", "observation buffer has not been updated"), ("nowhere", "nowhere")],
+)
+def test_scans_that_are_missing_or_useless_are_named_beside_the_transform(
+    kind: str, words: str
+) -> None:
+    """amcl corrects the pose by scans: without them, the transform of the map becomes old, too."""
+    fault = fault_without_pose(kind)
+    assert words in fault
+    assert fault.index(words) < fault.index("the newest transform from base_link")
 
 
 def static_node(network: Network, **options: Any) -> CostmapNode:

@@ -90,6 +90,31 @@ def test_a_source_whose_messages_are_not_used_is_outdated_in_time_and_the_reason
     assert not any(robot.run(2.0)[round((RATE + PERIOD + SCAN_PERIOD) / STEP) :])
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_wrong_with_the_messages_is_named_when_the_costmap_is_no_longer_updated(kind):
+    """Without scans amcl gives no transform, and without that the costmap is not updated."""
+    robot = Robot()
+    robot.run(1.0)
+    robot.kind = kind
+    robot.run(RATE + 2 * PERIOD + SCAN_PERIOD)
+    robot.now += 2.0
+    if kind != "silent":
+        robot.received = robot.now
+    assert KINDS[kind] in robot.source.own_fault(robot.received, robot.now, TOLERANCE)
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.3, TOLERANCE])
+def test_nothing_is_wrong_with_messages_that_wait_for_a_late_transform(lag):
+    """The costmap is not updated any more once transforms are later than its tolerance."""
+    robot = Robot()
+    robot.run(1.0)
+    robot.lag = lag
+    robot.run(1.0)
+    robot.now += 2.0
+    robot.received = robot.now
+    assert robot.source.own_fault(robot.received, robot.now, TOLERANCE) == ""
+
+
 def test_a_source_is_current_exactly_as_long_as_recent_messages_are_in_the_costmap():
     generator = np.random.default_rng(33)
     for _ in range(100):

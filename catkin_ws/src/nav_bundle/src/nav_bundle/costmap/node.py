@@ -247,17 +247,24 @@ class CostmapNode:
     def fault(self, now: float) -> str:
         """Returns why the costmap is not current, and warns of it; empty if every source is used in time.
 
-        Without a pose nothing can be placed: then the missing transform is the reason. Call ``pose`` first.
+        Without a pose nothing can be placed: then the missing transform is a reason, and a source is one only if its
+        messages are missing or useless by themselves. A robot without scans does not know its pose for long, either.
+        Call ``pose`` first.
         """
-        first = self._pose_fault
+        first = ""
         for source in self._sources:
             fault = self._fault(source, now)
             if fault:
                 source.scans.overdue.warn(fault)
-                first = first or fault
             else:
                 source.scans.overdue.end()
-        return first
+            if self._pose_fault:
+                tolerance = self._config.transform_tolerance
+                fault = source.source.own_fault(source.scans.received, now, tolerance)
+            first = first or fault
+        if first and self._pose_fault:
+            return f"{first.rstrip('.')}; {self._pose_fault}"
+        return first or self._pose_fault
 
     def _fault(self, source: "_Input", now: float) -> str:
         """Returns why a source is not current; empty if it is."""

@@ -17,6 +17,9 @@ Message = TypeVar("Message")
 
 _EQUAL = 1.0e-6
 """Times that differ by less are equal [s]."""
+_AHEAD = 0.1
+"""A stamp that was farther ahead of the clock at its arrival does not only wait for a late transform [s]."""
+_UNPARSED = "its messages do not parse"
 
 
 class Arrival(NamedTuple, Generic[Message]):
@@ -61,6 +64,9 @@ class Source(Generic[Message]):
         self.refusal = ""  #: why the newest message that was refused at the last update cannot be used; else empty
         self._used: _Used | None = None
         self._waits_for = ""
+        self._ahead = (
+            -math.inf
+        )  # of the messages that wait for a transform, how far the farthest was ahead [s]
         self._updated = -math.inf
 
     def update(
@@ -78,6 +84,7 @@ class Source(Generic[Message]):
         """
         self._updated = now
         self.refusal = self._waits_for = ""
+        self._ahead = -math.inf
         last = -1 if self._used is None else self._used.number
         placed = []
         for arrival in arrivals:
@@ -102,6 +109,7 @@ class Source(Generic[Message]):
         except (TransformError, ObservationError) as error:
             if isinstance(error, ExtrapolationError) and error.future:
                 self._waits_for = self._waits_for or str(error)
+                self._ahead = max(self._ahead, arrival.stamp - arrival.received)
             else:
                 self.refusal = self.refusal or str(error)
         return None
@@ -123,27 +131,70 @@ class Source(Generic[Message]):
         topic = self.config.topic
         if rate <= 0.0:
             return ""
-        if received is None:
-            return f"no scans on {topic} yet"
-        if now - received > rate:
-            return self._outdated(now - received)
+        silence = self._silence(received, now)
+        if silence or received is None:
+            return silence
         if math.isinf(self._updated):
             return (
                 cannot or f"The costmap cannot be updated: no message on {topic} has been used yet."
             )
         if now - self._updated > rate + update_period:
             return cannot or f"The costmap has not been updated for {now - self._updated:.2f} s."
-        reason = self.refusal or self._waits_for or "its messages do not parse"
+        reason = self.refusal or self._waits_for or _UNPARSED
         if self._used is None:
             return f"no message on {topic} can be used: {reason}"
         age_at_update = self._updated - self._used.received
         age = now - self._used.received
         if age_at_update > rate - _EQUAL or age > rate + update_period + _EQUAL:
             return f"{self._outdated(age)} Newer messages cannot be used: {reason}"
-        delay = self._updated - self._used.stamp
-        if self._used.stamp > 0.0 and delay > rate + tolerance:
-            return f"The messages on {topic} are stamped {delay:.2f} s in the past, more than {rate + tolerance:.2f} s."
-        return ""
+        return self._belated(self._used, tolerance)
+
+    def own_fault(self, received: float | None, now: float, tolerance: float) -> str:
+        """Returns what is wrong with the messages themselves, in a costmap that is not updated; empty if nothing is.
+
+        Args:
+            received: time of the last arrival [s]; None before the first.
+            now: ROS time [s].
+            tolerance: see ``Limits``.
+        """
+        rate = self.config.expected_update_rate
+        if rate <= 0.0:
+            return ""
+        silence = self._silence(received, now)
+        if silence or self._used is None:
+            return silence or self.refusal
+        age = now - self._used.received
+        reason = self._own_reason(self._used)
+        if reason and age > rate:
+            return f"{self._outdated(age)} Newer messages cannot be used: {reason}"
+        return self._belated(self._used, tolerance)
+
+    def _own_reason(self, used: _Used) -> str:
+        """Returns why messages could not be used at the last update, unless they only waited for a late transform."""
+        if self.refusal:
+            return self.refusal
+        if self._waits_for:
+            return self._waits_for if self._ahead > _AHEAD else ""
+        is_unused = self._updated - used.received > self.config.expected_update_rate - _EQUAL
+        return _UNPARSED if is_unused else ""
+
+    def _belated(self, used: _Used, tolerance: float) -> str:
+        """Returns that the newest message was stamped too far in the past; empty if it was not."""
+        delay = self._updated - used.stamp
+        allowed = self.config.expected_update_rate + tolerance
+        if used.stamp <= 0.0 or delay <= allowed:
+            return ""
+        return (
+            f"The messages on {self.config.topic} are stamped {delay:.2f} s in the past, "
+            f"more than {allowed:.2f} s."
+        )
+
+    def _silence(self, received: float | None, now: float) -> str:
+        """Returns why the source counts as silent; empty if messages arrive in time."""
+        if received is None:
+            return f"no scans on {self.config.topic} yet"
+        age = now - received
+        return self._outdated(age) if age > self.config.expected_update_rate else ""
 
     def _outdated(self, age: float) -> str:
         return (
