@@ -79,8 +79,7 @@ def follow(
 
 def progress_line(name: str, report: Mapping[str, Any]) -> str:
     """Returns one line on the progress of a computer's start-up."""
-    words = report.get("lacks") or report.get("hindrance") or report.get("waypoint") or ""
-    return f"{name:16} {report['stage']:9} {words}".rstrip()
+    return f"{name:16} {report['stage']:9} {_words(report)}".rstrip()
 
 
 def status_table(computers: Sequence[Computer], reports: Mapping[str, Mapping[str, Any]]) -> str:
@@ -103,8 +102,7 @@ def aligned(rows: Sequence[Sequence[str]]) -> str:
 
 def _row(computer: Computer, report: Mapping[str, Any]) -> tuple[str, ...]:
     state = computer.health if computer.running and computer.health else computer.state
-    known = (report.get(name) for name in ("lacks", "hindrance", "waypoint"))
-    words = str(next(filter(None, known), computer.problem))
+    words = _words(report) or computer.problem
     if not report.get("gateway"):
         return (computer.name, state, *["-"] * 7, words)
     rules = f"{report['active']}/{report['rules']}"
@@ -133,6 +131,11 @@ def _row(computer: Computer, report: Mapping[str, Any]) -> tuple[str, ...]:
         computer.name, state, gateway, rules, moves,
         _age(report["odom_age"]), _age(report["scan_age"]), place, counts, words,
     )  # fmt: skip
+
+
+def _words(report: Mapping[str, Any]) -> str:
+    """Returns what a computer lacks, else why its robot does not get on, else what its waypoint client said last."""
+    return str(report.get("lacks") or report.get("trouble") or report.get("waypoint") or "")
 
 
 def _age(seconds: float | None) -> str:

@@ -71,7 +71,8 @@ export function stateOf(robot) {
 }
 
 function stateClass(robot) {
-  return rowOf(robot).fault || rowOf(robot).held ? "bad" : "";
+  const { fault, held, trouble } = rowOf(robot);
+  return fault || held || trouble ? "bad" : "";
 }
 
 function nameCell(robot) {

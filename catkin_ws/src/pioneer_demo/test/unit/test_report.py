@@ -16,7 +16,7 @@ from pioneer_demo.report.picture import draw_fleet
 from pioneer_demo.report.report import Outcome, columns, report, reproducible, table, verdict_line
 from pioneer_demo.scenario.waypoint import Leg
 from pioneer_fleet.geometry import Pose
-from pioneer_fleet.monitor.monitor import ClientState, Queue
+from pioneer_fleet.monitor.client import ClientState, Queue
 from pioneer_harness.accounting import Usage
 
 

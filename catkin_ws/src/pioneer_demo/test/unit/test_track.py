@@ -8,7 +8,7 @@ import pytest
 from pioneer_demo.observer.track import RobotTrack
 from pioneer_demo.scenario.waypoint import Leg
 from pioneer_fleet.geometry import Pose
-from pioneer_fleet.monitor.monitor import ClientState, Queue
+from pioneer_fleet.monitor.client import ClientState, Queue
 
 
 def leg(x, y=0.0):

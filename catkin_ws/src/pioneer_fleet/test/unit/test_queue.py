@@ -7,13 +7,13 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from nav_msgs.msg import Path
 from simple_navigation_goals.msg import WaypointQueue
 
+from pioneer_fleet.monitor.client import ClientState
 from pioneer_fleet.monitor.conversions import (
     MessageError,
     points_from_path,
     pose_from_message,
     queue_from_message,
 )
-from pioneer_fleet.monitor.monitor import ClientState
 
 STATES = {
     name: getattr(WaypointQueue, name)

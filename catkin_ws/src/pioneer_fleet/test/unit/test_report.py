@@ -1,4 +1,5 @@
-from pioneer_fleet.monitor.monitor import ClientState, Queue, deviation_from_covariance
+from pioneer_fleet.monitor.client import ClientState, Queue
+from pioneer_fleet.monitor.monitor import deviation_from_covariance
 from pioneer_fleet.monitor.report import Report, Stage, states_of
 
 
@@ -129,20 +130,3 @@ def test_the_longest_gap_is_of_simulated_time_and_a_new_world_is_none() -> None:
         report.add_scan(now, stamp)
     line = report.as_json(10.0)
     assert (line["odom_gap"], line["scan_gap"], line["odom_age"]) == (0.5, 0.5, 0.7)
-
-
-def test_a_report_says_why_a_robot_does_not_get_on() -> None:
-    report = robot(queue=queue(received=1, waiting=1))
-    assert report.as_json(0.0)["hindrance"] == ""
-    report.troubles = {"move_base": "blocked: no odometry", "traffic": ""}
-    assert report.as_json(0.0)["hindrance"] == "blocked: no odometry"
-    report.troubles["traffic"] = "waiting: waits for pioneer2"
-    assert report.as_json(0.0)["hindrance"] == "waiting: waits for pioneer2"
-    report.lacks_at_start["traffic"] = "starting: no map has arrived"
-    assert report.as_json(0.0)["hindrance"] == "starting: no map has arrived"
-
-
-def test_what_a_server_that_has_ended_said_last_is_out_of_date() -> None:
-    waiting = Queue(ClientState.WAITING_FOR_MOVE_BASE, 1, 0, 0, "traffic disconnected", 1)
-    report = robot(queue=waiting, troubles={"traffic": "waiting: waits for pioneer2"})
-    assert report.as_json(0.0)["hindrance"] == "waiting for traffic"

@@ -13,6 +13,7 @@ import rospy
 from rosgraph.names import is_legal_base_name
 
 from pioneer_fleet.geometry import Pose
+from pioneer_fleet.monitor.state import ACTIONS
 from pioneer_node.core.parameter import ParameterError, config_from_mapping
 from pioneer_node.nodes.entry import is_ending, on_shutdown, parameters, run, wait
 from pioneer_web.access.access_control import Access, Role
@@ -33,7 +34,13 @@ SHORTEST = 16
 ROBOT_NAMES = "/robot_names"
 """Parameter with the names of the fleet's robots, in the order of their computers; joining robots are appended."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-_SEEN = ("map_goal_client/queue", "amcl_pose", "computer", "rosout_agg")
+_SEEN = (
+    "map_goal_client/queue",
+    *(f"{action}/state" for action in ACTIONS),
+    "amcl_pose",
+    "computer",
+    "rosout_agg",
+)
 _SENT = ("map_goal_pose", "initialpose", "map_goal_client/cancel", "move_base/cancel")
 
 

@@ -157,6 +157,19 @@ def test_a_lost_gateway_is_red_with_its_reason(driver, opened, fleet, shot):
     assert time.monotonic() - began < SOON
 
 
+def test_why_a_robot_does_not_get_on_is_shown_in_its_own_words(driver, opened, fleet):
+    topic, kind = "/pioneer2/move_base/state", "nav_bundle/NavigationState"
+    reason = "blocked: the way is blocked near (7.2, 6.8) by something that the map does not show"
+    publish(fleet, topic, kind, f"{{state: 4, text: '{reason}'}}")
+    wait_until(lambda: opened.state("pioneer2.row")["trouble"] == reason, "its reason", SOON)
+    row = driver.find_element(By.CSS_SELECTOR, '[data-robot="pioneer2"] .bad')
+    assert row.text == reason
+    alerts = driver.find_element(By.ID, "alerts")
+    wait_until(lambda: reason in alerts.text, "its alert", SOON)
+    publish(fleet, topic, kind, "{state: 2, text: driving}")
+    wait_until(lambda: not opened.state("pioneer2.row")["trouble"], "that it drives", SOON)
+
+
 def answer(driver, words):
     return wait_until(
         lambda: words in driver.find_element(By.ID, "answers").text, f"the answer '{words}'", SOON

@@ -28,15 +28,14 @@ from pioneer_demo.scenario.option import OBSERVER
 from pioneer_fleet.geometry import Pose
 from pioneer_fleet.monitor.conversions import (
     frame_from_message,
-    lack_from_state,
     mount_of,
     points_from_path,
     pose_from_message,
     pose_from_transform,
     queue_from_message,
-    trouble_from_state,
+    state_from_message,
 )
-from pioneer_fleet.monitor.monitor import MOVE_BASE, RIGHT_OF_WAY
+from pioneer_fleet.monitor.state import ACTIONS
 from pioneer_fleet.tolerance import tolerant
 
 _MAP, _ODOM, _BASE = "map", "odom", "base_link"
@@ -112,7 +111,7 @@ class ObserverNode:
             "map_goal_client/queue": (WaypointQueue, self._on_queue),
             **{
                 f"{action}/state": (NavigationState, functools.partial(self._on_navigation, action))
-                for action in (MOVE_BASE, RIGHT_OF_WAY)
+                for action in ACTIONS
             },
             "move_base/status": (GoalStatusArray, self._on_status),
             "move_base/NavfnROS/plan": (Path, self._on_plan),
@@ -200,8 +199,7 @@ class ObserverNode:
             for other in self._fleet.robots
             if other is not robot and other.pose is not None
         }
-        robot.monitor.troubles[action] = trouble_from_state(message, others)
-        robot.monitor.lacks_at_start[action] = lack_from_state(message)
+        robot.monitor.said[action] = state_from_message(message, others)
 
     def _on_status(self, robot: RobotTrack, message: GoalStatusArray) -> None:
         robot.status = conversions.status_from_message(message)

@@ -8,7 +8,9 @@ import numpy as np
 
 from pioneer_demo.scenario.waypoint import Leg
 from pioneer_fleet.geometry import Points, Pose, pose_at, remaining_length
-from pioneer_fleet.monitor.monitor import ClientState, Queue, RobotMonitor
+from pioneer_fleet.monitor.client import ClientState, Queue
+from pioneer_fleet.monitor.monitor import RobotMonitor
+from pioneer_fleet.monitor.state import Activity, State
 
 _MOVED = 0.05
 _PATH_STEP = 0.05
@@ -67,6 +69,22 @@ class RobotTrack:
     def queue(self) -> Queue | None:
         """The waypoint client's newest report."""
         return self.monitor.queue
+
+    @property
+    def state(self) -> State:
+        """What the robot is doing; with waypoints of a demo, also that it has reached or given up all of them."""
+        if self.finished:
+            given_up = len(self.visits) - self.reached
+            if given_up:
+                return State(Activity.FAILED, f"gave up {given_up}")
+            return State(Activity.IDLE, "done")
+        if self.pose is None:
+            return State(Activity.STARTING, "not spawned")
+        if self.is_external:
+            return State(Activity.MANUAL, "driven by another navigation")
+        if not self.localised:
+            return State(Activity.STARTING, "waiting for amcl")
+        return self.monitor.state
 
     @property
     def localised(self) -> bool:

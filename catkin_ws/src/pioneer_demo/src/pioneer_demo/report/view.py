@@ -8,14 +8,6 @@ from pioneer_demo.observer.fleet import Fleet, Simulator
 from pioneer_demo.observer.track import RobotTrack
 from pioneer_demo.processes.command import Ports, master_uri
 from pioneer_demo.scenario.option import FleetConfig
-from pioneer_fleet.monitor.monitor import ClientState
-
-_WORDS = {
-    ClientState.IDLE: "waiting",
-    ClientState.DRIVING: "driving",
-    ClientState.RESTING: "resting",
-    ClientState.UNKNOWN: "in an unknown state",
-}
 
 _BAR = 24
 
@@ -81,7 +73,7 @@ def idle_line(robot: RobotTrack) -> str:
     counts = f"{robot.queue.reached} of {robot.queue.received}" if robot.queue else "–"
     collisions = f"  collisions {robot.collisions}" if robot.collisions else ""
     error = f"localisation error {number(robot.error, 2)} m"
-    return f"{robot.name:<10} {state_word(robot):<21}  at {place}  waypoints {counts}  {error}{collisions}"
+    return f"{robot.name:<10} {robot.state.text:<21}  at {place}  waypoints {counts}  {error}{collisions}"
 
 
 def simulator_line(simulator: Simulator) -> str:
@@ -93,7 +85,7 @@ def robot_line(robot: RobotTrack) -> str:
     """Returns one robot's state, waypoint, distance to go, localisation error and collisions."""
     count = len(robot.visits)
     parts = [
-        f"{robot.name:<10} {state_word(robot):<21}",
+        f"{robot.name:<10} {robot.state.text:<21}",
         f"waypoint {min(robot.current + 1, count)}/{count}",
         f"{number(robot.distance_to_go, 1, 5)} m to go",
         f"localisation error {number(robot.error, 2)} m",
@@ -101,25 +93,6 @@ def robot_line(robot: RobotTrack) -> str:
     if robot.collisions:
         parts.append(f"collisions {robot.collisions}")
     return "  ".join(parts)
-
-
-def state_word(robot: RobotTrack) -> str:
-    """Returns a robot's state: one to three words, or move_base's reason if the robot does not get on."""
-    if robot.finished:
-        return (
-            "done"
-            if robot.reached == len(robot.visits)
-            else f"gave up {len(robot.visits) - robot.reached}"
-        )
-    if robot.pose is None:
-        return "not spawned"
-    if robot.is_external:
-        return "driven by another navigation"
-    if not robot.localised:
-        return "waiting for amcl"
-    if robot.monitor.hindrance:
-        return robot.monitor.hindrance
-    return _WORDS[robot.queue.state] if robot.queue else "waiting for client"
 
 
 def number(value: float | None, digits: int, width: int = 0) -> str:
@@ -160,8 +133,10 @@ def _robot(robot: RobotTrack, port: int, now: float) -> dict[str, Any]:
     return {
         "robot": robot.name,
         "master": master_uri(port),
-        "state": state_word(robot),
         **robot.monitor.robot_json(now),
+        "activity": robot.state.activity.name.lower(),
+        "state": robot.state.text,
+        "trouble": robot.state.trouble,
         "localisation_error": _known(robot.error),
         "collisions": robot.collisions,
     }

@@ -6,15 +6,17 @@ from collections.abc import Mapping
 from typing import Any
 
 from pioneer_fleet.geometry import Points, Pose, yaw_from_quaternion
-from pioneer_fleet.monitor.monitor import ClientState, Queue
+from pioneer_fleet.monitor.client import ClientState, Queue
+from pioneer_fleet.monitor.state import Activity, State
 
 FARTHEST = 1e6
 """Maximum coordinate of a position [m]."""
 LARGEST = 1e15
 """Maximum of a number that is shown."""
-_AT_ROBOT = 0.8
-"""A place that is nearer to another robot than this is where that robot is [m]."""
+AT_ROBOT = 0.8
+"""A place that is nearer to a robot than this is where that robot is [m]."""
 _STATES = {state.value: state for state in ClientState}
+_ACTIVITIES = {activity.value: activity for activity in Activity}
 
 
 class MessageError(ValueError):
@@ -28,33 +30,18 @@ def queue_from_message(message: Any) -> Queue:
     return Queue(_STATES.get(message.state, ClientState.UNKNOWN), *counts, message.text, waiting)
 
 
-def trouble_from_state(message: Any, others: Mapping[str, Pose]) -> str:
-    """Returns why a robot does not get on, from a ``nav_bundle/NavigationState``; empty if it does, or has no goal.
+def state_from_message(message: Any, others: Mapping[str, Pose]) -> State:
+    """Returns the `State` of a ``nav_bundle/NavigationState``; a number that is not known counts as BLOCKED.
 
     A robot that does not know the others names an obstacle without its name, which is added here.
 
     Args:
-        message: the robot's newest state.
+        message: the newest state of move_base or of the right of way.
         others: the other robots' poses in ``map``, by name.
     """
-    troubled = (
-        message.RECOVERING,
-        message.BLOCKED,
-        message.WAITING,
-        message.LOST,
-        message.HELD,
-        message.FAILED,
-    )
-    if message.state not in troubled:
-        return ""
     robot = _unnamed_robot(message, others)
-    return f"{message.text}: {robot} is there" if robot else str(message.text)
-
-
-def lack_from_state(message: Any) -> str:
-    """Returns what a starting node waits for, from a ``nav_bundle/NavigationState``; empty if for nothing."""
-    names_it = message.text != "starting"
-    return str(message.text) if message.state == message.STARTING and names_it else ""
+    text = f"{message.text}: {robot} is there" if robot else str(message.text)
+    return State(_ACTIVITIES.get(message.state, Activity.BLOCKED), text)
 
 
 def _unnamed_robot(message: Any, others: Mapping[str, Pose]) -> str:
@@ -65,7 +52,7 @@ def _unnamed_robot(message: Any, others: Mapping[str, Pose]) -> str:
     place = message.place.x, message.place.y
     distances = {name: math.dist(place, (pose.x, pose.y)) for name, pose in others.items()}
     nearest = min(distances, key=distances.__getitem__, default="")
-    return nearest if nearest and distances[nearest] < _AT_ROBOT else ""
+    return nearest if nearest and distances[nearest] < AT_ROBOT else ""
 
 
 def pose_from_message(message: Any) -> Pose:

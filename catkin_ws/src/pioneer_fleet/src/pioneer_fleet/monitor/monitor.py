@@ -1,38 +1,15 @@
 """State of one robot, as seen on its own computer or, through the gateways, on the base station."""
 
 import dataclasses
-import enum
 import math
 from collections.abc import Sequence
 from typing import Any
 
-MOVE_BASE, RIGHT_OF_WAY = "move_base", "traffic"
-"""Actions whose servers report what a robot does."""
+from pioneer_fleet.monitor.client import ClientState, Queue
+from pioneer_fleet.monitor.state import State, state_of
+
 MOVING_SPEED = 0.02
 """A robot stands still if it drives slower than this [m/s] and turns slower than five times this [rad/s]."""
-
-
-class ClientState(enum.IntEnum):
-    """States of the waypoint client, numbered as in ``simple_navigation_goals/WaypointQueue``."""
-
-    IDLE = 0
-    WAITING_FOR_MOVE_BASE = 1
-    DRIVING = 2
-    RESTING = 3
-    UNKNOWN = 255  #: a number that this version does not know
-
-
-@dataclasses.dataclass(frozen=True)
-class Queue:
-    """A report of the waypoint client."""
-
-    state: ClientState  #: its current state
-    #: received, reached, aborted: waypoints so far
-    received: int
-    reached: int
-    aborted: int
-    text: str  #: its last status text
-    waiting: int = 0  #: waypoints not reached yet, including the current one
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -55,28 +32,13 @@ class RobotMonitor:
     pose: tuple[float, float, float] | None = None  #: x, y [m] and heading [rad] in ``map``
     deviation: float | None = None  #: standard deviation of the position that amcl estimates [m]
     queue: Queue | None = None  #: the waypoint client's newest report
-    #: by action, why the robot does not get on, in its server's words; empty if it does, or has no goal
-    troubles: dict[str, str] = dataclasses.field(default_factory=dict)
-    #: by action, what its server waits for at the start; empty for nothing
-    lacks_at_start: dict[str, str] = dataclasses.field(default_factory=dict)
+    #: the newest states that the servers of its actions have reported, by action
+    said: dict[str, State] = dataclasses.field(default_factory=dict)
 
     @property
-    def action(self) -> str:
-        """Name of the action that takes the robot's waypoints."""
-        return RIGHT_OF_WAY if RIGHT_OF_WAY in self.troubles else MOVE_BASE
-
-    @property
-    def hindrance(self) -> str:
-        """Why the robot does not get on; empty if it does, or has no goal.
-
-        What the right of way says comes before what move_base says.
-        """
-        for action in (RIGHT_OF_WAY, MOVE_BASE):
-            if self.lacks_at_start.get(action):
-                return self.lacks_at_start[action]
-        if self.queue is not None and self.queue.state is ClientState.WAITING_FOR_MOVE_BASE:
-            return f"waiting for {self.action}"  # what that said last is out of date
-        return self.troubles.get(RIGHT_OF_WAY, "") or self.troubles.get(MOVE_BASE, "")
+    def state(self) -> State:
+        """What the robot is doing, if it is localised and can be reached."""
+        return state_of(self.queue, self.said)
 
     @property
     def moving(self) -> bool:
@@ -101,11 +63,13 @@ class RobotMonitor:
             "odom_gap": round(self.odom_gap, 2),
             "scan_age": _age(self.scan_at, now),
             "scan_gap": round(self.scan_gap, 2),
+            "activity": self.state.activity.name.lower(),
+            "state": self.state.text,
+            "trouble": self.state.trouble,
             "moving": self.moving,
             "speed": round(self.linear, 2) + 0.0,  # no -0.0
             "pose": None if self.pose is None else [round(value, 3) for value in self.pose],
             "deviation": self.deviation if self.deviation is None else round(self.deviation, 3),
-            "hindrance": self.hindrance,
             "waypoint": None if self.queue is None else queue.text,
             "waiting": queue.waiting,
             "received": queue.received,

@@ -23,13 +23,10 @@ from sensor_msgs.msg import LaserScan
 from simple_navigation_goals.msg import WaypointQueue
 from std_msgs.msg import Float64
 
-from pioneer_fleet.monitor.conversions import (
-    lack_from_state,
-    queue_from_message,
-    trouble_from_state,
-)
-from pioneer_fleet.monitor.monitor import MOVE_BASE, RIGHT_OF_WAY, deviation_from_covariance
+from pioneer_fleet.monitor.conversions import queue_from_message, state_from_message
+from pioneer_fleet.monitor.monitor import deviation_from_covariance
 from pioneer_fleet.monitor.report import Report, Stage, states_of
+from pioneer_fleet.monitor.state import ACTIONS
 from pioneer_fleet.monitor.tour import Place, places_from_mapping, tour
 from pioneer_fleet.tolerance import tolerant
 from pioneer_launch.door import patch_observer
@@ -47,8 +44,8 @@ class ReportNode:
     """Subscribes to this computer's gateway and robot, or simulator, and updates one `Report`.
 
     Subscribes: /gateway/gateway_info, /gateway/rules; for a robot its odom, base_scan, amcl_pose,
-    map_goal_client/queue, move_base/state and traffic/state; on the base station
-    /gazebo/real_time_factor and /gazebo/model_states.
+    map_goal_client/queue, move_base/state and traffic/state; on the base station /gazebo/real_time_factor and
+    /gazebo/model_states.
     Publishes: NAME/map_goal, for the robot's goals.
     Threads: callbacks write under a lock and wake the main thread, which prints.
     """
@@ -72,9 +69,9 @@ class ReportNode:
             self._listen(f"/{report.robot}/base_scan", LaserScan, self._on_scan)
             self._listen(f"/{report.robot}/amcl_pose", PoseWithCovarianceStamped, self._on_pose)
             self._listen(f"/{report.robot}/map_goal_client/queue", WaypointQueue, self._on_queue)
-            for action in (MOVE_BASE, RIGHT_OF_WAY):
-                navigation = functools.partial(self._on_navigation, action)
-                self._listen(f"/{report.robot}/{action}/state", NavigationState, navigation)
+            for action in ACTIONS:
+                on_state = functools.partial(self._on_state, action)
+                self._listen(f"/{report.robot}/{action}/state", NavigationState, on_state)
         else:
             self._listen("/gazebo/real_time_factor", Float64, self._on_factor)
             self._listen("/gazebo/model_states", ModelStates, self._on_models)
@@ -171,9 +168,9 @@ class ReportNode:
     def _on_queue(self, message: WaypointQueue) -> None:
         self._report.queue = queue_from_message(message)
 
-    def _on_navigation(self, action: str, message: NavigationState) -> None:
-        self._report.troubles[action] = trouble_from_state(message, {})
-        self._report.lacks_at_start[action] = lack_from_state(message)
+    def _on_state(self, action: str, message: NavigationState) -> None:
+        # Where the other robots are is not known on this robot's computer.
+        self._report.said[action] = state_from_message(message, {})
 
     def _on_factor(self, message: Float64) -> None:
         self._report.real_time_factor = round(message.data, 2)

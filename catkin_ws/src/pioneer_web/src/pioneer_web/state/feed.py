@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from gateway_msgs.msg import GatewayInfo
 from gazebo_msgs.msg import ModelStates
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_bundle.msg import NavigationState
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rosgraph_msgs.msg import Clock, Log
 from rospy.numpy_msg import numpy_msg
@@ -28,8 +29,10 @@ from pioneer_fleet.monitor.conversions import (
     pose_from_message,
     pose_from_transform,
     queue_from_message,
+    state_from_message,
 )
 from pioneer_fleet.monitor.monitor import deviation_from_covariance
+from pioneer_fleet.monitor.state import ACTIONS
 from pioneer_fleet.tolerance import tolerant
 from pioneer_web.state import conversions
 from pioneer_web.state.picture import MAP, png
@@ -53,8 +56,8 @@ class Feed:
 
     Subscribes while open: /clock, /map, /tf, /diagnostics, /rosout_agg, /gateway/gateway_info, /gateway/rules,
     /ros2_door/topics, /gazebo/model_states, /gazebo/real_time_factor, /replay/position; for each robot its
-    scan, odom, battery_state, amcl_pose, computer, rosout_agg, map_goal_client/queue, and move_base's plans and local
-    costmap.
+    scan, odom, battery_state, amcl_pose, computer, rosout_agg, map_goal_client/queue, move_base/state, traffic/state,
+    and move_base's plans and local costmap.
 
     Threads: rospy's, one per connection. Each handles only the newest message, then waits for the next beat while the
     kernel buffers: odometry at 100 Hz costs as much as at 5 Hz.
@@ -138,6 +141,9 @@ class Feed:
             )
             self._listen(topic, numpy_msg(LaserScan), functools.partial(self._on_scan, robot))
         each("map_goal_client/queue", WaypointQueue, self._on_queue, 0)
+        for action in ACTIONS:
+            on_state = functools.partial(self._on_state, action)
+            each(f"{action}/state", NavigationState, on_state, 0)
         each("move_base/NavfnROS/plan", Path, self._on_plan)
         each("move_base/TrajectoryPlannerROS/local_plan", Path, self._on_local_plan)
         each("move_base/local_costmap/costmap", numpy_msg(OccupancyGrid), self._on_costs, COSTS)
@@ -296,6 +302,14 @@ class Feed:
 
     def _on_estimate(self, robot: Robot, message: Any) -> None:
         robot.deviation = deviation_from_covariance(message.pose.covariance)
+
+    def _on_state(self, action: str, robot: Robot, message: Any) -> None:
+        others = {
+            other.name: other.place
+            for other in self.station.robots
+            if other is not robot and other.place is not None
+        }
+        robot.said[action] = state_from_message(message, others)
 
     def _on_queue(self, robot: Robot, message: Any) -> None:
         robot.queue = queue_from_message(message)

@@ -7,6 +7,7 @@ from typing import Any
 
 from pioneer_fleet.geometry import Points, Pose
 from pioneer_fleet.monitor.monitor import RobotMonitor
+from pioneer_fleet.monitor.state import Activity
 
 STALE = 2.0
 """Age at which odometry or scans count as a fault [s]."""
@@ -57,6 +58,11 @@ class Robot(RobotMonitor):
             return None
         return self.correction.compose(self.odometry)
 
+    @property
+    def complaint(self) -> str:
+        """Why the robot cannot do what it was told, in its own words; empty while it may come right by itself."""
+        return self.state.text if self.state.activity in _COMPLAINTS else ""
+
     def fault(self, rules: Mapping[str, Sequence[tuple[str, str]]], now: float) -> str:
         """Returns a description of the robot's fault; empty if there is none.
 
@@ -97,6 +103,9 @@ class Robot(RobotMonitor):
     def _row(self, fault: str, now: float) -> dict[str, Any]:
         shown = self.robot_json(now)
         names = (
+            "activity",
+            "state",
+            "trouble",
             "moving",
             "speed",
             "deviation",
@@ -108,9 +117,6 @@ class Robot(RobotMonitor):
         )
         return {
             **{name: shown[name] for name in names},
-            "state": self.queue.state.name.lower().replace("_", " ")
-            if self.queue
-            else "no waypoint client",
             "odom": _tenths(shown["odom_age"]),
             "scan": _tenths(shown["scan_age"]),
             "battery": self.battery,
@@ -153,6 +159,7 @@ class Robot(RobotMonitor):
         )
 
 
+_COMPLAINTS = (Activity.BLOCKED, Activity.LOST, Activity.FAILED)
 _FAULTS = (
     "no such gateway",
     "unreachable",

@@ -149,8 +149,9 @@ class Station:
         """Adds the robots' faults to the alerts, at ``now`` (monotonic) and ``wall`` (seconds since 1970)."""
         if now - self.watched_since < SETTLING:
             return
-        for robot, fault in self.robot_faults(now).items():
-            self._alerts.update(robot, fault, wall)
+        faults = self.robot_faults(now)
+        for robot in self.robots:
+            self._alerts.update(robot.name, faults[robot.name] or robot.complaint, wall)
 
     def robot_faults(self, now: float) -> dict[str, str]:
         """Returns what is wrong with each robot, empty if nothing is."""
