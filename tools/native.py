@@ -31,7 +31,7 @@ def main(words: Sequence[str]) -> int:
     text = "Shows the fleets that run on this machine, as processes or as containers: a line a robot or computer."
     status = commands.add("status", _status, text, "status --json")
     status.add_argument("--json", action="store_true", help="as JSON, for programs")
-    commands.add(
+    rviz = commands.add(
         "rviz", _rviz, "Opens RViz on the fleet that runs on this machine as processes.", "rviz"
     )
     text = (
@@ -39,6 +39,10 @@ def main(words: Sequence[str]) -> int:
     )
     teleop = commands.add("teleop", _teleop, text, "teleop pioneer1")
     teleop.add_argument("robot", help="its name, such as pioneer1")
+    for command in (rviz, teleop):
+        command.add_argument(
+            "--fleet", type=int, metavar="PID", help="the fleet of this process, if several run"
+        )
     return commands.run(words)
 
 
@@ -117,7 +121,7 @@ def _rviz(options: argparse.Namespace) -> NoReturn:
         raise ContainerError(
             "the fleet runs in containers: ./pioneer up --desktop has its RViz in the browser"
         )
-    master = _newest(fleets)["master"]
+    master = _chosen(fleets, options.fleet)["master"]
     if not os.environ.get("DISPLAY"):
         snapshot = f"ROS_MASTER_URI={master} ./pioneer run rosrun pioneer_description rviz_snapshot -o rviz.png"
         raise ContainerError(
@@ -140,7 +144,9 @@ def _teleop(options: argparse.Namespace) -> int:
 
         options.computer, options.command = options.robot.replace("pioneer", "aadi"), command
         return execute_on(options)
-    masters = {robot["robot"]: robot["master"] for robot in _newest(fleets)["robots"]}
+    having = [fleet for fleet in fleets if options.robot in _masters(fleet)]
+    is_clear = options.fleet is None and len(having) == 1
+    masters = _masters(having[0] if is_clear else _chosen(fleets, options.fleet))
     if options.robot not in masters:
         raise ContainerError(
             f"no robot '{options.robot}' in the fleet; there are {', '.join(masters)}"
@@ -148,10 +154,30 @@ def _teleop(options: argparse.Namespace) -> int:
     return _become(masters[options.robot], command)
 
 
-def _newest(fleets: Sequence[Fleet]) -> Fleet:
+def _masters(fleet: Fleet) -> dict[str, str]:
+    """Returns the URI of each robot's master."""
+    return {robot["robot"]: robot["master"] for robot in fleet["robots"]}
+
+
+def _chosen(fleets: Sequence[Fleet], pid: int | None) -> Fleet:
+    """Returns the only fleet, or that of the process ``pid``.
+
+    Raises:
+        ContainerError: there is none, or several and no choice; with what runs and how to choose.
+    """
     if not fleets:
         raise ContainerError("no fleet runs: ./pioneer fleet starts one")
-    return fleets[-1]
+    running = "; ".join(
+        f"--fleet {fleet['pid']}: {', '.join(_masters(fleet))} in {fleet['world']}, "
+        f"up {time.time() - fleet['started']:.0f} s"
+        for fleet in fleets
+    )
+    if pid is None and len(fleets) > 1:
+        raise ContainerError(f"{len(fleets)} fleets run; choose one: {running}")
+    found = [fleet for fleet in fleets if pid in (None, fleet["pid"])]
+    if not found:
+        raise ContainerError(f"no fleet has the process {pid}; there are {running}")
+    return found[0]
 
 
 def _become(master: str, command: Sequence[str]) -> NoReturn:

@@ -83,6 +83,49 @@ def test_rviz_without_a_display_is_refused_with_the_command_for_a_picture(
     )
 
 
+OTHER = {
+    **FLEET,
+    "pid": 8,
+    "master": "http://localhost:12312",
+    "robots": [{**FLEET["robots"][0], "robot": "scout", "master": "http://localhost:12313"}],
+}
+
+
+@pytest.fixture
+def two(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, list[str]]]:
+    """Two fleets, and the commands that would be run: master and words."""
+    begun: list[tuple[str, list[str]]] = []
+    monkeypatch.setenv("DISPLAY", ":9")
+    monkeypatch.setattr(native, "running_fleets", lambda: [FLEET, OTHER])
+    monkeypatch.setattr(native, "_become", lambda *started: begun.append(started) or 0)
+    return begun
+
+
+def test_with_two_fleets_rviz_asks_for_one_and_lists_them(
+    two: list[tuple[str, list[str]]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert native.main(["rviz"]) == 1
+    told = capsys.readouterr().err
+    assert "2 fleets run; choose one: --fleet 7: rover in utm_0" in told
+    assert "--fleet 8: scout in utm_0" in told
+    native.main(["rviz", "--fleet", "8"])
+    assert [master for master, _ in two] == ["http://localhost:12312"]
+    assert native.main(["rviz", "--fleet", "9"]) == 1
+    assert "no fleet has the process 9" in capsys.readouterr().err
+
+
+def test_teleop_finds_the_only_fleet_with_that_robot(
+    two: list[tuple[str, list[str]]],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    native.main(["teleop", "scout"])
+    assert [master for master, _ in two] == ["http://localhost:12313"]
+    monkeypatch.setattr(native, "running_fleets", lambda: [OTHER, {**OTHER, "pid": 9}])
+    assert native.main(["teleop", "scout"]) == 1
+    assert "choose one" in capsys.readouterr().err
+
+
 def test_a_reader_that_ends_early_gets_no_traceback() -> None:
     program = "import native, test_native as t\nnative.running_fleets = lambda: [t.FLEET] * 999\n"
     piped = 'python3 -c "$0" | true; exit ${PIPESTATUS[0]}'
