@@ -5,7 +5,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
 
@@ -97,7 +97,12 @@ def two(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, list[str]]]:
     begun: list[tuple[str, list[str]]] = []
     monkeypatch.setenv("DISPLAY", ":9")
     monkeypatch.setattr(native, "running_fleets", lambda: [FLEET, OTHER])
-    monkeypatch.setattr(native, "_become", lambda *started: begun.append(started) or 0)
+
+    def become(*started: Any) -> NoReturn:
+        begun.append(started)
+        raise SystemExit
+
+    monkeypatch.setattr(native, "_become", become)
     return begun
 
 
@@ -108,7 +113,8 @@ def test_with_two_fleets_rviz_asks_for_one_and_lists_them(
     told = capsys.readouterr().err
     assert "2 fleets run; choose one: --fleet 7: rover in utm_0" in told
     assert "--fleet 8: scout in utm_0" in told
-    native.main(["rviz", "--fleet", "8"])
+    with pytest.raises(SystemExit):
+        native.main(["rviz", "--fleet", "8"])
     assert [master for master, _ in two] == ["http://localhost:12312"]
     assert native.main(["rviz", "--fleet", "9"]) == 1
     assert "no fleet has the process 9" in capsys.readouterr().err
@@ -119,7 +125,8 @@ def test_teleop_finds_the_only_fleet_with_that_robot(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    native.main(["teleop", "scout"])
+    with pytest.raises(SystemExit):
+        native.main(["teleop", "scout"])
     assert [master for master, _ in two] == ["http://localhost:12313"]
     monkeypatch.setattr(native, "running_fleets", lambda: [OTHER, {**OTHER, "pid": 9}])
     assert native.main(["teleop", "scout"]) == 1
