@@ -45,11 +45,13 @@ function(pioneer_compile_kernels)
     add_custom_command(
       OUTPUT "${stamp}"
       COMMAND ${CMAKE_COMMAND} -E make_directory "${output_dir}"
-      COMMAND ${CMAKE_COMMAND} -E env "PYTHONPATH=${PIONEER_KERNELS_PYTHON}" ${PYTHON_EXECUTABLE} -m pioneer_kernels.compile
+      COMMAND ${CMAKE_COMMAND} -E env "PYTHONPATH=${PIONEER_KERNELS_PYTHON}" ${PYTHON_EXECUTABLE} -m pioneer_kernels.build
+        --reads ${read}
         --source-root "${CMAKE_CURRENT_SOURCE_DIR}/src" --module "${module}"
         --extension "_${noun}" --output "${output_dir}" --cpu "${PIONEER_CPU}"
       COMMAND ${CMAKE_COMMAND} -E touch "${stamp}"
-      DEPENDS ${read} "${PIONEER_KERNELS_PYTHON}/pioneer_kernels/compile.py"
+      DEPENDS ${read} "${PIONEER_KERNELS_PYTHON}/pioneer_kernels/build.py"
+        "${PIONEER_KERNELS_PYTHON}/pioneer_kernels/compile.py"
         "${PIONEER_KERNELS_PYTHON}/pioneer_kernels/declaration.py"
       COMMENT "Compiling kernel ${PROJECT_NAME}._${noun}"
       VERBATIM)

@@ -10,7 +10,7 @@ import os
 import sys
 import warnings
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, get_origin, get_type_hints
@@ -83,8 +83,8 @@ def _flags_releasing_gil(flags: Callable[[], Any]) -> Any:
     return changed
 
 
-def main() -> int:
-    """Compiles the module named on the command line; returns the exit status."""
+def main(words: Sequence[str] | None = None) -> int:
+    """Compiles the module named by the words, by default of the command line; returns the exit status."""
     parser = argparse.ArgumentParser(prog="pioneer_kernels.compile", description=__doc__)
     parser.add_argument(
         "--source-root", type=Path, required=True, help="folder that holds the package"
@@ -95,7 +95,7 @@ def main() -> int:
         "--output", type=Path, required=True, help="folder the extension is written to"
     )
     parser.add_argument("--cpu", default="host", help="LLVM processor name (default: %(default)s)")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     sys.path.insert(0, str(arguments.source_root))
     # Otherwise importing the kernel writes __pycache__ into the source tree, owned by the build's user.
     sys.dont_write_bytecode = True
