@@ -60,7 +60,7 @@ class Robot(RobotMonitor):
 
     @property
     def complaint(self) -> str:
-        """Why the robot cannot do what it was told, in its own words; empty while it may come right by itself."""
+        """Why the robot cannot carry out its task, in its own words; empty while it may come right by itself."""
         return self.state.text if self.state.activity in _COMPLAINTS else ""
 
     def fault(self, rules: Mapping[str, Sequence[tuple[str, str]]], now: float) -> str:

@@ -1,7 +1,7 @@
 """The fault schedules with the real `HubClient`: its thread, its waiting and each of its calls in simulated time.
 
 In `world.World`, a visit of the hub takes no time. Here each command takes some, its answer may get lost after it was
-executed, and everything else goes on meanwhile.
+executed, and everything else keeps running meanwhile.
 """
 
 from __future__ import annotations
