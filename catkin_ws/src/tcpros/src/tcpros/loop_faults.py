@@ -1,11 +1,24 @@
 """The handler of outermost loops: an unexpected exception costs one step of a loop, never the loop."""
 
 import contextlib
+import errno
 import logging
 from types import TracebackType
 
 MAX_REMEMBERED = 16
 """Number of different faults of a loop that are logged."""
+
+
+EXHAUSTED = (
+    errno.EMFILE,
+    errno.ENFILE,
+    errno.ENOMEM,
+    errno.ENOBUFS,
+    errno.EAGAIN,
+    errno.ENOSPC,
+    errno.EDQUOT,
+)
+"""Errors of a process or machine that has run out of something; no traceback explains them better."""
 
 
 class LoopFaults:
@@ -53,6 +66,9 @@ class LoopFaults:
         self._logged.add(fault)
         # A line that cannot be written, as on a full disk, must not end the loop either.
         with contextlib.suppress(Exception):
+            if isinstance(error, OSError) and error.errno in EXHAUSTED:
+                self._logger.error("%s lacks something and continues: %s", self._what, error)
+                return
             self._logger.critical(
                 "internal error in %s, which continues; it is logged once",
                 self._what,

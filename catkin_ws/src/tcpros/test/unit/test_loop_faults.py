@@ -1,6 +1,8 @@
 """The handler of outermost loops."""
 
+import errno
 import logging
+import os
 
 import pytest
 
@@ -35,3 +37,16 @@ def test_the_number_of_logged_faults_is_bounded(caplog: pytest.LogCaptureFixture
 def test_what_ends_a_process_is_not_taken() -> None:
     with pytest.raises(KeyboardInterrupt), LoopFaults(logging.getLogger("loop"), "a loop"):
         raise KeyboardInterrupt
+
+
+def test_a_lack_of_descriptors_memory_or_disk_is_one_line_without_traceback(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    faults = LoopFaults(logging.getLogger("loops"), "the loop")
+    for number in (errno.EMFILE, errno.ENOMEM, errno.ENOSPC, errno.EMFILE):
+        with faults:
+            raise OSError(number, os.strerror(number), "/proc")
+        assert faults.has_failed
+    lines = caplog.text.splitlines()
+    assert len(lines) == 3
+    assert "the loop lacks something and continues: [Errno 24] Too many open files" in lines[0]
