@@ -229,6 +229,8 @@ class World:
         self._numbers = 0
         self._calls: list[Call] = []
         self._faults = Faults()
+        # Without restarts of the master, everything must be right without another registration.
+        self._restarts = self.drawn.random() < 0.5
         self._questions: list[Question] = []
         self.members: list[Member] = []
         self.ring: Ring
@@ -293,7 +295,8 @@ class World:
             (2, self._end),
             (5, self._call),
             (5, self.network.break_one),
-            (1, self._restart_master),
+            (2, self._register_one_again),
+            (1 if self._restarts else 0, self._restart_master),
         ]
         weights, acts = zip(*actions, strict=True)
         for _ in range(STEPS):
@@ -308,8 +311,9 @@ class World:
         if not self.reactor.run(SETTLE, lambda: all(one.is_answered for one in self._questions)):
             self.complain("a look-up has not ended")
         self.wrong += [call.wrong for call in self._calls if call.wrong]
-        for member in (*self._live(), *self.ring.nodes):
-            member.handle.register_again()
+        if self._restarts:
+            for member in (*self._live(), *self.ring.nodes):
+                member.handle.register_again()
         if not self.reactor.run(SETTLE, self._is_registered):
             self.complain("registrations: " + self._difference())
         # A look-up that began among the faults takes long, and then comes a retry.
@@ -467,6 +471,11 @@ class World:
             self.reactor.call_later(1.0, partial(self._register_again, member))
         for part in self.ring.nodes:
             self.reactor.call_later(1.0, part.handle.register_again)
+
+    def _register_one_again(self) -> None:
+        """Registers a node again at a master that knows it."""
+        if member := self._acting():
+            member.handle.register_again()
 
     def _register_again(self, member: Member) -> None:
         if not member.is_over:
