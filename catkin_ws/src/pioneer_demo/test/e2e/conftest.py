@@ -5,11 +5,14 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
 from pioneer_harness.proc import arguments, has_variable, process_states
 from pioneer_harness.wait import wait_until
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 _MARK = "PIONEER_DEMO_TEST"
 _CTRL_C = 5.0
@@ -31,9 +34,12 @@ def python_path():
 
 
 class Running:
-    """A demo or fleet in its own session; an environment variable marks all processes that it started."""
+    """A demo or fleet in its own session; an environment variable marks all processes that it started.
 
-    def __init__(self, report, command, *options):
+    `prefix` is a command that runs it, and `variables` are further variables of its environment.
+    """
+
+    def __init__(self, report, command, *options, prefix=(), **variables):
         self.report, self.command = report, command
         self.mark = str(report)
         self.output = report.with_suffix(".txt")
@@ -43,9 +49,11 @@ class Running:
             **_FOREIGN,
             _MARK: self.mark,
             "PYTHONPATH": self.python_path,
+            **variables,
         }
         folder = ["--log" if command == "fleet" else "--report", str(report)]
-        command = [sys.executable, "-m", "pioneer_demo", command, *folder, *map(str, options)]
+        module = [sys.executable, "-m", "pioneer_demo"]
+        command = [*prefix, *module, command, *folder, *map(str, options)]
         with self.output.open("wb") as output:
             self.process = subprocess.Popen(
                 command,
@@ -98,8 +106,9 @@ class Running:
 def start(tmp_path):
     running = []
 
-    def begin(*options, command="demo"):
-        running.append(Running(tmp_path / f"report{len(running)}", command, *options))
+    def begin(*options, command="demo", folder=tmp_path, **how):
+        report = folder / f"report{len(running)}"
+        running.append(Running(report, command, *options, **how))
         return running[-1]
 
     yield begin

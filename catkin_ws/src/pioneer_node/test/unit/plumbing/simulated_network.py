@@ -89,6 +89,15 @@ class SimulatedReactor:
                 self._advance(end)
         return done()
 
+    def is_idle(self) -> bool:
+        """Returns whether no socket is open and nothing is to be called."""
+        return not self.left()
+
+    def left(self) -> list[object]:
+        """Returns the open sockets, and the calls that are to be made."""
+        timers = [timer.callback for _, _, timer in self._timers if timer.callback is not None]
+        return [*self.sockets, *timers, *self._calls]
+
     def _round(self) -> bool:
         """Handles what is ready now; returns whether there was anything."""
         while self._arrivals and self._arrivals[0][0] <= self.now:
@@ -252,13 +261,17 @@ class SimulatedSocket:
         self._check()
         now = self._reactor.now
         if self._arriving and self._arriving[0][0] <= now:
-            when, data = self._arriving.popleft()
-            count = min(len(buffer), len(data))
+            room = len(buffer)
             if self._network.drawn.random() < 0.2:
-                count = self._network.drawn.randint(1, count)
-            buffer[:count] = data[:count]
-            if count < len(data):
-                self._arriving.appendleft((when, data[count:]))
+                room = self._network.drawn.randint(1, min(room, len(self._arriving[0][1])))
+            count = 0
+            while count < room and self._arriving and self._arriving[0][0] <= now:
+                when, data = self._arriving.popleft()
+                part = data[: room - count]
+                buffer[count : count + len(part)] = part
+                count += len(part)
+                if len(part) < len(data):
+                    self._arriving.appendleft((when, data[len(part) :]))
             self._unread -= count
             if self.peer is not None:
                 self._reactor.touch(self.peer._descriptor)
