@@ -1,13 +1,31 @@
 """``python -m pioneer_demo``: the commands behind ``./pioneer demo``, ``fleet``, ``run-scenario``, ``experiment``."""
 
+import logging
+import os
 import sys
 
 from pioneer_demo.console.interrupt import Interrupt
+
+
+def _open_standard_streams() -> None:
+    """Opens what is closed of the standard streams on ``/dev/null``, so that no other file gets their numbers."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            opened = os.open(os.devnull, os.O_RDWR)
+            if opened != number:
+                os.dup2(opened, number)
+                os.close(opened)
+            stream = open(number, "r" if number == 0 else "w", closefd=False)  # noqa: SIM115
+            setattr(sys, name, stream)
+
 
 if __name__ == "__main__":
     interrupt = (
         Interrupt()
     )  # first, so that Ctrl-C during the imports below also ends the command cleanly
+    _open_standard_streams()
+    # A line that rospy cannot write, as on a full disk, costs that line; each would print a stack of calls.
+    logging.raiseExceptions = False
     if sys.argv[1:2] == ["experiment"]:
         from pioneer_demo.study import experiment
 

@@ -106,8 +106,8 @@ class Running:
 def start(tmp_path):
     running = []
 
-    def begin(*options, command="demo", folder=tmp_path, **how):
-        report = folder / f"report{len(running)}"
+    def begin(*options, command="demo", below=tmp_path, **how):
+        report = below / f"report{len(running)}"
         running.append(Running(report, command, *options, **how))
         return running[-1]
 

@@ -248,7 +248,7 @@ def test_on_a_full_disk_every_process_goes_on(start, small_disk):
     home = small_disk / "home"
     home.mkdir()
     variables = {"ROS_HOME": str(home), "TMPDIR": str(home)}
-    fleet = Fleet(start, small_disk, 0, robots=2, folder=small_disk, **variables)
+    fleet = Fleet(start, small_disk, 0, robots=2, below=small_disk, **variables)
     before, position = fleet.labels(), fleet.position
     filler = fill(small_disk)
     drive(fleet)

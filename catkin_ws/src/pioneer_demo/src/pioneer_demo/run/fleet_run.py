@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import rospy
 
@@ -77,6 +77,7 @@ class FleetRun:
         self._flips: FlipRequest | None = None
         self._config, self._interrupt = config, interrupt
         self._entry = _entry()
+        self._entry_fails = False
         self._started = time.time()
         self._step, self._sampled = 0, 0.0
         self._hangs = HangWatch(named_masters(processes.ports))
@@ -325,8 +326,19 @@ class FleetRun:
                 self.fleet, self._config, ports, self._phase, faults, time.monotonic()
             )
         if self._entry is not None:
-            self._entry.write({**status, "started": self._started})
+            self._write_entry(self._entry, {**status, "started": self._started})
         self._sampled = time.monotonic()
+
+    def _write_entry(self, entry: Entry, status: dict[str, Any]) -> None:
+        """Publishes the status for other commands; on a full disk they see an old one, and the fleet goes on."""
+        try:
+            entry.write(status)
+        except OSError as error:
+            if not self._entry_fails:
+                print(f"./pioneer status sees an old state of this fleet: {error}", file=sys.stderr)
+            self._entry_fails = True
+        else:
+            self._entry_fails = False
 
 
 def _last_line(death: Death) -> str:
