@@ -39,10 +39,10 @@ class Running:
     `prefix` is a command that runs it, and `variables` are further variables of its environment.
     """
 
-    def __init__(self, report, command, *options, prefix=(), **variables):
+    def __init__(self, report, command, *options, prefix=(), output=None, **variables):
         self.report, self.command = report, command
         self.mark = str(report)
-        self.output = report.with_suffix(".txt")
+        self.output = output or report.with_suffix(".txt")
         self.python_path = python_path()
         environment = {
             **os.environ,

@@ -201,6 +201,8 @@ class NodeProcess:
 
     def _set_up_logging(self) -> None:
         self._logger.setLevel(logging.INFO)
+        # A line that cannot be written to the file, as on a full disk, would print a stack of calls.
+        logging.raiseExceptions = False
         # ROS's logger class looks for the caller of rospy's functions; here it would report this process's first line.
         self._logger.findCaller = MethodType(logging.Logger.findCaller, self._logger)  # type: ignore[method-assign,assignment]
         self._logger.handlers = [_Terminal(), _Topic(self._reactor)]
