@@ -75,3 +75,16 @@ def test_what_does_not_cross_to_ros_2_is_listed_with_the_rules() -> None:
     ]
     station.set_door([])
     assert station.values(1.0)["rules"] == []
+
+
+def test_a_rule_in_small_segments_is_listed_with_its_reason_and_counts_as_active() -> None:
+    station = Station()
+    station.robots = [Robot(name="pioneer1", gateway="aadi1_gateway")]
+    rule = {"action": "flip", "gateway": "aadi1_gateway", "name": "/tf"}
+    station.set_rules(
+        [{**rule, "state": "mtu", "reason": "set the MTU"}, {**rule, "state": "active"}]
+    )
+    shown = station.values(1.0)
+    assert [(row["state"], row["reason"]) for row in shown["rules"]] == [("mtu", "set the MTU")]
+    assert shown["network"]["aadi1_gateway"]["active"] == 2
+    assert "set the MTU" not in station.robot_faults(1.0)["pioneer1"]

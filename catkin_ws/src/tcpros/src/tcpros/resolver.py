@@ -96,9 +96,14 @@ class Resolver:
             answers = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)
             answer = Answer(time.monotonic() + LIFETIME, address=str(answers[0][4][0]))
         except (OSError, ValueError) as error:
-            reason = (
-                f"the name {host} cannot be resolved: {getattr(error, 'strerror', None) or error}"
-            )
+            # A name server that does not answer is not asked again.
+            if getattr(error, "errno", None) != socket.EAI_AGAIN and _has_ipv6(host):
+                reason = (
+                    f"{host} has an IPv6 address only, and only IPv4 is supported: unset ROS_IPV6 where the node runs, "
+                    "or set ROS_IP to an IPv4 address there"
+                )
+            else:
+                reason = f"the name {host} cannot be resolved: {getattr(error, 'strerror', None) or error}"
             answer = Answer(time.monotonic() + FAILURE_LIFETIME, reason=reason)
         self._reactor.call(partial(self._take, host, answer))
 
@@ -120,3 +125,10 @@ class Resolver:
                 reason = str(error)
         if reason:
             self._reactor.call(partial(failed, reason))
+
+
+def _has_ipv6(host: str) -> bool:
+    try:
+        return bool(socket.getaddrinfo(host, None, socket.AF_INET6, socket.SOCK_STREAM))
+    except (OSError, ValueError):
+        return False

@@ -74,6 +74,21 @@ def ask(reactor: Reactor) -> Callable[..., Answers]:
     return ask
 
 
+@pytest.mark.parametrize("host", ["::1", "six"])
+def test_a_name_with_an_ipv6_address_only_says_so(
+    ask: Callable[..., Answers], monkeypatch: pytest.MonkeyPatch, host: str
+) -> None:
+    def look_up(_host: str, _port: None, family: socket.AddressFamily, *_: Any) -> list[Any]:
+        if family == socket.AF_INET:
+            raise socket.gaierror(-5, "No address associated with hostname")
+        return [(socket.AF_INET6, socket.SOCK_STREAM, 6, "", ("fd00::7", 0, 0, 0))]
+
+    monkeypatch.setattr(socket, "getaddrinfo", look_up)
+    answers = ask(host)
+    assert answers.complete.wait(PATIENCE)
+    assert f"{host} has an IPv6 address only" in answers.texts[0]
+
+
 def test_names_that_do_not_resolve_delay_no_other(
     ask: Callable[..., Answers], names: Names
 ) -> None:

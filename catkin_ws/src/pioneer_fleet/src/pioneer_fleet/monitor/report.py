@@ -7,8 +7,11 @@ from typing import Any
 
 from pioneer_fleet.monitor.monitor import RobotMonitor
 
-CARRYING = ("active", "rate-limited")
-"""States of a working rule (docs/gateway.md); rate limiting is not a fault."""
+QUIET = ("active", "rate-limited")
+"""States of rules that need no attention (docs/gateway.md)."""
+
+CARRYING = (*QUIET, "mtu")
+"""States of a working rule."""
 
 
 class Stage(enum.IntEnum):

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from pioneer_fleet.monitor.report import CARRYING
+from pioneer_fleet.monitor.report import CARRYING, QUIET
 from pioneer_web.state.alerts import Alerts
 from pioneer_web.state.robot import Robot
 
@@ -178,7 +178,7 @@ class Station:
             "actors": self._actors,
             "network": self._network(),
             "rules": [
-                *(rule for rule in self.rules if rule["state"] not in CARRYING),
+                *(rule for rule in self.rules if rule["state"] not in QUIET),
                 *self.door,
             ],
             **self._log,

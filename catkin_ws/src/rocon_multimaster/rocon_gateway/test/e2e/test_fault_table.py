@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from gateway_msgs import srv
 from measure import checked
 
 from pioneer_harness.masters import MasterProcess
@@ -30,6 +31,9 @@ TOPICS = {"/small": (64, 20), "/big": (20_000, 5)}
 
 RECOVERY = 40.0
 """Within which messages come again after a fault [s]."""
+
+AVAILABILITY_PERIOD = 0.5
+"""Time between two questions whether the robot's gateway is available [s]."""
 
 CUT = Condition(cut=True)
 FINE = Condition()
@@ -107,6 +111,12 @@ def say(*cells: str) -> None:
     sys.stdout.flush()
 
 
+def available(site) -> list[bool]:
+    """Returns whether each other gateway on the hub is available; empty if the hub has forgotten them."""
+    answer = site.call("remote_gateway_info", srv.RemoteGatewayInfo)
+    return [one.conn_stats.gateway_available for one in answer.gateways]
+
+
 class Watch:
     """What a base station notices of a fault."""
 
@@ -114,9 +124,17 @@ class Watch:
         self._base = base
         self._began = time.monotonic()
         self.noticed: float | None = None  #: after how long a topic was unregistered [s]
+        #: whether the robot's gateway was available, at each change
+        self.available: list[bool] = []
+        self._asked = self._began
 
     def look(self) -> bool:
         now = time.monotonic() - self._began
+        if time.monotonic() - self._asked > AVAILABILITY_PERIOD:
+            self._asked = time.monotonic()
+            for is_available in available(self._base):
+                if self.available[-1:] != [is_available]:
+                    self.available.append(is_available)
         if self.noticed is None and not all(self._base.publishers(topic) for topic in TOPICS):
             self.noticed = now
         return False
@@ -142,7 +160,7 @@ def test_a_fault_of_the_network(wire, far, fault: Fault) -> None:
         wait_until(lambda one=log: flows(one, ended), f"{topic} again", RECOVERY)
         recovered[topic] = min(row[0] for row in checked(log) if row[0] > ended) - ended
     wait_until(
-        lambda: all(text.startswith("active") for text in base.states().values()),
+        lambda: all(text.startswith(("active", "mtu")) for text in base.states().values()),
         "active rules",
         RECOVERY,
     )
@@ -164,6 +182,8 @@ def test_a_fault_of_the_network(wire, far, fault: Fault) -> None:
         ", ".join(losses),
         ", ".join(f"{seconds:.1f}" for seconds in recovered.values()) + " s",
     )
+    if CUT in (fault.out, fault.back):
+        assert watch.available in ([True], [True, False]), "a cut gateway became available again"
     if fault.out == CUT and fault.seconds > 15:
         assert watch.noticed is not None
         assert watch.noticed <= 10.0

@@ -1,11 +1,13 @@
 """A network between two machines that is cut, slow, lossy or limited in bandwidth."""
 
 import signal
+import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from gateway_msgs import msg, srv
 from measure import MB, checked, memory
 from tcp_proxy import TcpProxy
 
@@ -36,6 +38,15 @@ def far(machine, shared_fleet):
     assert base.flip("robot", "subscriber", "/small") == 0
     wait_until(lambda: log.exists() and checked(log), "messages of the other machine", START)
     return base, robot, log
+
+
+def doctor(site) -> str:
+    """Returns the report of the doctor."""
+    argv = ["rosrun", "rocon_gateway", "doctor"]
+    done = subprocess.run(
+        argv, env=site.master.environment, capture_output=True, text=True, timeout=60, check=False
+    )
+    return done.stdout + done.stderr
 
 
 def since(log: Path, moment: float) -> list[tuple[float, int, bool]]:
@@ -101,10 +112,13 @@ def test_a_path_that_swallows_large_packets_is_detected_and_carries_large_messag
         wait_until(lambda: len(since(big, began + 2.0)) > 20, "large messages again", 40)
         report(f"MTU {mtu}: large messages again", since(big, began + 2.0)[0][0] - began)
         wait_until(
-            lambda: base.states()["flip /big"].startswith("active: full packets do not arrive"),
+            lambda: base.states()["flip /big"].startswith("mtu: full packets do not arrive"),
             "a state with the advice",
             5,
         )
+        examined = doctor(base)
+        assert "the path to gateway 'robot': full packets do not arrive" in examined, examined
+        assert "does not answer the doctor" not in examined, examined
         wait_until(lambda: len(since(log, time.monotonic() - 1.0)) > 5, "small messages, too", 20)
     finally:
         machine.pass_all()
@@ -114,6 +128,36 @@ def test_a_path_that_swallows_large_packets_is_detected_and_carries_large_messag
     assert "small packets arrive, full packets do not" in base.log.read_text()
     numbers = [number for _, number, _ in checked(big)]
     assert numbers == sorted(set(numbers)), "none came twice"
+
+
+@pytest.mark.parametrize("mtu", [1000, 576])
+def test_the_hub_carries_long_lists_of_rules_on_a_path_that_swallows_large_packets(
+    machine, far, mtu
+) -> None:
+    """Records longer than a packet once cost a robot its hub on such a path."""
+    base, robot, _ = far
+    names = [f"/topic_with_a_rather_long_name/{mtu}/{number}" for number in range(100)]
+    rules = [msg.RemoteRule("robot", msg.Rule("subscriber", name, "")) for name in names]
+    losses = robot.log.read_text().count("lost")
+    try:
+        machine.swallow(mtu)
+    except MachineError as error:
+        pytest.skip(f"the size of packets is not tested here: {error}")
+    try:
+        assert base.call("flip", srv.Remote, remotes=rules).result == 0
+        # The robot's own words: it got the long request, and its long record got back.
+        wait_until(
+            lambda: all(
+                base.states()[f"flip {name}"].startswith("no such topic") for name in names
+            ),
+            "the robot's answers",
+            15,
+        )
+        assert (base.info().connected, robot.info().connected) == (True, True)
+    finally:
+        machine.pass_all()
+        assert base.call("flip", srv.Remote, remotes=rules, cancel=True).result == 0
+    assert robot.log.read_text().count("lost") == losses
 
 
 def test_a_host_that_disappears_is_noticed_within_10_s_and_reconnects(machine, far, report) -> None:
@@ -128,8 +172,8 @@ def test_a_host_that_disappears_is_noticed_within_10_s_and_reconnects(machine, f
     back = time.monotonic()
     wait_until(lambda: since(log, back), "messages again", 20)
     report("link mended, messages again", time.monotonic() - back)
-    # The advice about the network of an earlier test may still stand beside it.
-    wait_until(lambda: base.states()["flip /small"].startswith("active"), "active", 5)
+    # Links may still use the smaller segments of an earlier test.
+    wait_until(lambda: base.states()["flip /small"].startswith(("active", "mtu")), "active", 5)
     assert noticed <= 10.0
     numbers = [number for _, number, _ in checked(log)]
     assert numbers == sorted(set(numbers)), "none came twice"

@@ -19,6 +19,14 @@ def test_a_door_to_ros_2_is_named_with_what_does_not_cross() -> None:
     assert fault.what == "/a to ROS 2: it does not cross: x"
 
 
+def test_each_path_with_a_small_mtu_is_one_finding() -> None:
+    rules = [("robot", "full packets do not arrive"), ("robot", "full packets do not arrive")]
+    (finding,) = diagnosis.of_paths(rules)
+    assert finding.level == Level.WARNING
+    assert finding.what == "the path to gateway 'robot': full packets do not arrive"
+    assert "MTU" in finding.fix
+
+
 @pytest.mark.parametrize(
     ("finding", "level", "fix"),
     [

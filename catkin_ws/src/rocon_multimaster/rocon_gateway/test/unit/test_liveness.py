@@ -13,7 +13,7 @@ import pytest
 from pioneer_harness.masters import Master
 from pioneer_harness.wait import wait_until
 from rocon_gateway.master.leftovers import remove_leftovers
-from rocon_gateway.master.liveness import NodeExaminer, process_of, refuses
+from rocon_gateway.master.liveness import NodeExaminer, name_of, refuses
 from rocon_relay.connection import proxy_uri
 
 # rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
@@ -39,10 +39,11 @@ def port(accepts: bool) -> Iterator[int]:
 
 
 @contextlib.contextmanager
-def slave_api(pid: int) -> Iterator[int]:
-    """The port of a node with that PID."""
+def slave_api(name: str) -> Iterator[int]:
+    """The port of a node with that name; its PID is ours, as it may be in another container."""
     with SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False) as server:
-        server.register_function(lambda _caller: (1, "", pid), "getPid")
+        server.register_function(lambda _caller: (1, "", name), "getName")
+        server.register_function(lambda _caller: (1, "", os.getpid()), "getPid")
         thread = threading.Thread(target=server.serve_forever, args=(0.01,))
         thread.start()
         yield server.server_address[1]
@@ -85,10 +86,11 @@ def test_an_examiner_tells_the_dead_from_the_frozen_and_notices_a_return(master:
 
 @pytest.mark.parametrize("unique", ["", "0123456789abcdef" * 2], ids=["plain", "unique name"])
 def test_a_restarted_gateway_removes_its_dead_proxies_only(master: Master, unique: str) -> None:
+    """A living gateway of the same name, in another container, may have the same PID."""
     with (
         port(accepts=False) as dead,
-        slave_api(os.getpid()) as taken,
-        slave_api(1) as twin,
+        slave_api("/gateway") as taken,
+        slave_api("/far/twin") as twin,
     ):
         rows = {
             "/far/dead": proxy_uri("127.0.0.1", dead, "me" + unique),
@@ -116,4 +118,4 @@ def test_a_restarted_gateway_removes_its_dead_proxies_only(master: Master, uniqu
 @pytest.mark.parametrize("uri", ["http://[::1:1/", "http://:1234/", "http://host:99999/", "x", ""])
 def test_an_address_that_is_none_is_not_dead_and_raises_nothing(uri):
     assert not refuses(uri)
-    assert process_of(uri, "/test") is None
+    assert name_of(uri, "/test") is None

@@ -22,6 +22,13 @@ LONGEST_LINE = 512
 TIMEOUT = 2.0
 """Timeout for a hub's answer [s]."""
 
+SEGMENT = 500
+"""Size of TCP segments between gateways and hub [bytes]: it fits the smallest MTU of IPv4, 576.
+
+So records also arrive on a path that swallows full packets (VPN, tunnel). They are small and rare, so the additional
+headers do not matter.
+"""
+
 PROOF_TIMEOUT = 5.0
 """Timeout for each line of its proof [s]; longer, as proofs take CPU time and a thousand gateways may come at once."""
 
@@ -132,6 +139,9 @@ def redis_client(address: HubAddress, access: Access) -> redis.Redis:
         socket_timeout=TIMEOUT,
         socket_connect_timeout=TIMEOUT,
         socket_keepalive=True,
+        socket_keepalive_options={
+            socket.TCP_MAXSEG: SEGMENT
+        },  # any TCP options, set before it connects
         decode_responses=True,
         encoding_errors="replace",  # invalid UTF-8 then is invalid JSON too and is ignored
     )

@@ -38,6 +38,8 @@ class LinkState(enum.StrEnum):
     """The link is up and, for an import, the proxy is registered. Data flows while there are subscribers."""
     RATE_LIMITED = "rate-limited"
     """Active, but a rule limits the message rate."""
+    MTU = "mtu"
+    """Import: active, but full packets do not arrive, so the link uses smaller TCP segments."""
     NO_PUBLISHER = "no publisher"
     """The link is up, but the source node does not answer or does not publish the topic."""
     NO_SERVER = "no server"

@@ -42,8 +42,7 @@ class DialledLink(DialledStream):
         self._owner = owner
         self._hello = hello
         self._address = address
-        #: size of its TCP segments [bytes]; 0 is the kernel's choice
-        self.segment = context.paths.segment(address)
+        self.path = context.paths.choice(address)  #: size of its TCP segments
         self._is_probing = False
         self._expected = ""
         self._state = LinkState.UNREACHABLE
@@ -52,8 +51,8 @@ class DialledLink(DialledStream):
 
     def connect(self, host: str, port: int) -> None:
         """Starts connecting, with the segment size that the path needs; both ends then keep to it."""
-        if self.segment:
-            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG, self.segment)
+        if self.path.segment:
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG, self.path.segment)
         super().connect(host, port)
 
     def connected(self) -> None:
@@ -87,7 +86,7 @@ class DialledLink(DialledStream):
     def _too_late(self) -> None:
         if self._shaking and not self._connecting:
             # The certificates fill a packet: it may be those that the path swallows.
-            self._context.paths.swallows(self._address, self.segment)
+            self._context.paths.swallows(self._address, self.path.segment, is_proved=False)
         self.close("no answer in time")
 
     def _await_probe(self) -> None:
@@ -99,9 +98,9 @@ class DialledLink(DialledStream):
         self._timer = self._reactor.call_later(PROBE_TIMEOUT, self._probe_lost)
 
     def _probe_lost(self) -> None:
-        former = self.segment
-        self._context.paths.swallows(self._address, former)
-        following = advice(self._context.paths.segment(self._address))
+        former = self.path.segment
+        self._context.paths.swallows(self._address, former, is_proved=True)
+        following = advice(self._context.paths.choice(self._address))
         what = f"packets of {former + HEADERS} bytes" if former else "full packets"
         self._context.logger.warning(
             "link to %s: small packets arrive, %s do not%s",

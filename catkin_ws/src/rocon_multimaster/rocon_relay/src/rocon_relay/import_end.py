@@ -269,4 +269,7 @@ class ImportEnd(StandingImport):
 
     def _set_active(self) -> None:
         reason = "; ".join(filter(None, (self._limit, self.path_advice)))
-        self._set(LinkState.RATE_LIMITED if self._limit else LinkState.ACTIVE, reason)
+        state = self.working_state
+        if self._limit and state is LinkState.ACTIVE:
+            state = LinkState.RATE_LIMITED
+        self._set(state, reason)

@@ -28,9 +28,22 @@ MAX_PROBE = 9216
 """Maximum size of a probe [bytes]: a jumbo frame."""
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The segment size for a link, and how sure we are that it must not be larger."""
+
+    segment: int = 0  #: size of TCP segments [bytes]; 0 for the kernel's choice
+    #: whether a full packet vanished while a smaller one arrived; else the other gateway may only have been slow
+    is_proved: bool = False
+
+
+FULL = Choice()
+"""The kernel's choice."""
+
+
+@dataclass(frozen=True, slots=True)
 class _Path:
-    index: int  #: of the segment size in `SEGMENTS`
+    choice: Choice
     since: float  #: when it was chosen [s]
 
 
@@ -45,31 +58,47 @@ class Paths:
         self._clock = clock
         self._paths: dict[Address, _Path] = {}
 
-    def segment(self, address: Address) -> int:
-        """Returns the segment size for a new link [bytes]; 0 for the kernel's choice."""
+    def choice(self, address: Address) -> Choice:
+        """Returns the segment size for a new link."""
         path = self._paths.get(address)
         if path is not None and self._clock() > path.since + FORGET:
             del self._paths[address]
             path = None
-        return SEGMENTS[path.index] if path else 0
+        return path.choice if path else FULL
 
-    def swallows(self, address: Address, segment: int) -> None:
+    def swallows(self, address: Address, segment: int, is_proved: bool) -> None:
         """Records that full packets vanish on a link with this segment size; the next link uses a smaller one.
 
         After the smallest size the full one is next. Reports of other sizes than the current one are out of date and
         ignored.
+
+        Args:
+            address: the other gateway's relay.
+            segment: the segment size of the link [bytes].
+            is_proved: whether a smaller packet has arrived; False if nothing has come, also not from a frozen gateway.
         """
-        if segment == self.segment(address):
-            index = (SEGMENTS.index(segment) + 1) % len(SEGMENTS)
-            self._paths[address] = _Path(index, self._clock())
+        current = self.choice(address)
+        if segment != current.segment:
+            return
+        following = SEGMENTS[(SEGMENTS.index(segment) + 1) % len(SEGMENTS)]
+        if following:
+            choice = Choice(following, is_proved or current.is_proved)
+            self._paths[address] = _Path(choice, self._clock())
+        else:
+            del self._paths[address]
 
 
-def advice(segment: int) -> str:
+def advice(choice: Choice) -> str:
     """Returns what links with smaller segments say about their path; "" for the kernel's choice."""
-    if not segment:
+    if not choice.segment:
         return ""
+    size = choice.segment + HEADERS
+    if choice.is_proved:
+        return (
+            f"full packets do not arrive on this path, so its links send at most {size} bytes at once; "
+            f"set the MTU of its devices (ip link set DEV mtu {size})"
+        )
     return (
-        "full packets do not arrive on this path, so its links send at most "
-        f"{segment + HEADERS} bytes at once; set the MTU of its devices (ip link set DEV mtu "
-        f"{segment + HEADERS})"
+        "a TLS handshake took too long: the other gateway was busy, or full packets do not arrive on this path. "
+        f"In case of the latter, its links send at most {size} bytes at once"
     )

@@ -82,11 +82,11 @@ class ServiceImportEnd(StandingImport):
     def reached(self) -> None:
         """Called when a call has reached the server."""
         if self._state is LinkState.NO_SERVER:
-            self._set(LinkState.ACTIVE, self.path_advice)
+            self._set(self.working_state, self.path_advice)
 
     def not_reached(self, reason: str) -> None:
         """Called when a call could not reach the server."""
-        if self._state is LinkState.ACTIVE:
+        if self._state is self.working_state:
             self._set(LinkState.NO_SERVER, reason)
 
 

@@ -143,7 +143,13 @@ class StandingImport(DialledImport):
     @property
     def path_advice(self) -> str:
         """What to do about a path that swallows full packets; "" for any other path."""
-        return advice(self._link.segment) if self._link else ""
+        return advice(self._link.path) if self._link else ""
+
+    @property
+    def working_state(self) -> LinkState:
+        """The state while the link is up and the proxy registered."""
+        is_small = self._link is not None and self._link.path.is_proved
+        return LinkState.MTU if is_small else LinkState.ACTIVE
 
     def redial(self, reason: str) -> None:
         """Replaces the link by a new one immediately."""
@@ -169,7 +175,7 @@ class StandingImport(DialledImport):
 
     def shown(self) -> None:
         """Called when the proxy is registered."""
-        self._set(LinkState.ACTIVE, self.path_advice)
+        self._set(self.working_state, self.path_advice)
 
     def not_shown(self, reason: str) -> None:
         """Called when the master failed to register the proxy."""

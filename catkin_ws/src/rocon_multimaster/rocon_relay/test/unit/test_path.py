@@ -4,7 +4,7 @@ import pytest
 
 from rocon_relay.connection import Address
 from rocon_relay.link import Hello, probe_from_field
-from rocon_relay.path import FORGET, MAX_PROBE, SEGMENTS, Paths, advice
+from rocon_relay.path import FORGET, FULL, MAX_PROBE, SEGMENTS, Choice, Paths, advice
 
 FAR = Address("robot", 4000)
 OTHER = Address("other", 4000)
@@ -21,32 +21,46 @@ class Clock:
 def test_each_loss_of_full_packets_makes_the_segments_of_that_path_smaller() -> None:
     paths = Paths(Clock())
     for size in SEGMENTS:
-        assert paths.segment(FAR) == size
-        paths.swallows(FAR, size)
-    assert paths.segment(FAR) == 0, "then the full size is tried again"
-    assert paths.segment(OTHER) == 0
+        assert paths.choice(FAR).segment == size
+        paths.swallows(FAR, size, is_proved=True)
+    assert paths.choice(FAR) == FULL, "then the full size is tried again"
+    assert paths.choice(OTHER) == FULL
 
 
 def test_several_links_that_fail_together_count_once() -> None:
     paths = Paths(Clock())
     for _ in range(5):
-        paths.swallows(FAR, 0)
-    assert paths.segment(FAR) == SEGMENTS[1]
+        paths.swallows(FAR, 0, is_proved=True)
+    assert paths.choice(FAR) == Choice(SEGMENTS[1], is_proved=True)
+
+
+def test_a_guess_says_so_and_a_proof_remains_one() -> None:
+    paths = Paths(Clock())
+    paths.swallows(FAR, 0, is_proved=False)
+    guess = paths.choice(FAR)
+    assert guess == Choice(SEGMENTS[1], is_proved=False)
+    assert "the other gateway was busy, or" in advice(guess)
+    assert "set the MTU" not in advice(guess)
+    paths.swallows(FAR, SEGMENTS[1], is_proved=True)
+    assert paths.choice(FAR) == Choice(SEGMENTS[2], is_proved=True)
+    paths.swallows(OTHER, 0, is_proved=True)
+    paths.swallows(OTHER, SEGMENTS[1], is_proved=False)
+    assert paths.choice(OTHER) == Choice(SEGMENTS[2], is_proved=True)
 
 
 def test_a_path_is_tried_with_full_segments_again_after_some_time() -> None:
     clock = Clock()
     paths = Paths(clock)
-    paths.swallows(FAR, 0)
+    paths.swallows(FAR, 0, is_proved=True)
     clock.now = FORGET
-    assert paths.segment(FAR) == SEGMENTS[1]
+    assert paths.choice(FAR).segment == SEGMENTS[1]
     clock.now = FORGET + 1.0
-    assert paths.segment(FAR) == 0
+    assert paths.choice(FAR) == FULL
 
 
 def test_the_advice_names_the_mtu() -> None:
-    assert advice(0) == ""
-    assert "mtu 1240" in advice(1200)
+    assert advice(FULL) == ""
+    assert "mtu 1240" in advice(Choice(1200, is_proved=True))
 
 
 @pytest.mark.parametrize("text", ["", "x", "-1", "²", "1e3", str(MAX_PROBE + 1), "9" * 5000])

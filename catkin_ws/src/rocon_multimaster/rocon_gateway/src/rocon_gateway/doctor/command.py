@@ -17,6 +17,7 @@ from rocon_gateway.doctor import diagnosis, facts
 from rocon_gateway.doctor.diagnosis import Finding, Level
 from rocon_gateway.hub.session import HubSession
 from rocon_gateway.rules import verdict
+from rocon_gateway.rules.situation import WORKING, State
 from rocon_hub_protocol.address import address_from_uri
 from rocon_hub_protocol.code import HubProtocolError
 from rocon_hub_protocol.password import password_from
@@ -150,12 +151,16 @@ def _rules(client: GatewayClient) -> Iterator[Finding]:
     except NoGatewayError as error:
         yield Finding(Level.FAULT, str(error), "look into the gateway's log")
         return
-    idle = sum(state.level != DiagnosticStatus.OK for state in states)
+    values = [{one.key: one.value for one in state.values} for state in states]
+    idle = sum(one["state"] not in WORKING for one in values)
     what = f"{len(states) - idle} of {len(states)} rules are active"
     yield (
         Finding(Level.WARNING, what, "rosrun rocon_gateway rules says why")
         if idle
         else Finding(Level.OK, what)
+    )
+    yield from diagnosis.of_paths(
+        (one["gateway"], one["reason"]) for one in values if one["state"] == State.MTU
     )
     for state in states:
         before, mark, cure = state.message.partition(verdict.UNCOVERED)

@@ -143,13 +143,25 @@ def of_duplicates(names: Iterable[str]) -> list[Finding]:
     ]
 
 
+def of_paths(rules: Iterable[tuple[str, str]]) -> list[Finding]:
+    """Returns a finding for each path that swallows full packets.
+
+    Args:
+        rules: gateway and reason of each rule in the state `mtu`.
+    """
+    cure = "set that MTU on the devices at both ends of the path, a VPN's first; messages cross meanwhile"
+    return [
+        Finding(Level.WARNING, f"the path to gateway '{gateway}': {reason}", cure)
+        for gateway, reason in dict.fromkeys(rules)
+    ]
+
+
 HERE = ""
 """Stands for the doctor's own machine in place of a gateway's name, if no gateway runs there."""
 
 NO_ANSWER_FIX = (
     "check its log and restart it: it hangs, is another program, or is too old for the doctor; "
-    "a gateway that was just killed disappears from the hub after 2 s. If 'rosrun rocon_gateway rules' "
-    "says that full packets do not arrive, set the MTU first"
+    "a gateway that was just killed disappears from the hub after 2 s"
 )
 
 

@@ -1,11 +1,10 @@
 """Removes what a killed gateway of our name left on our master: proxies that nobody serves any more."""
 
-import os
 import time
 from collections.abc import Iterator
 
 from rocon_gateway.master.line import MasterError
-from rocon_gateway.master.liveness import MasterCaller, process_of, refuses
+from rocon_gateway.master.liveness import MasterCaller, name_of, refuses
 from rocon_gateway.master.watch import system_rows
 from rocon_gateway.rules.matching import base_name
 from rocon_hub_protocol.rule import Kind
@@ -20,8 +19,8 @@ def remove_leftovers(master_uri: str, node: str, gateway: str) -> list[str]:
     """Unregisters the dead proxies of earlier gateways of our name; returns their node names, sorted.
 
     Call it before this gateway registers proxies of its own. A proxy is dead if its port refuses connections, or if
-    this process has the port now. The proxies of a gateway that runs or is frozen are left alone. The search ends
-    after `PATIENCE`.
+    a node of another name has the port now. The proxies of a gateway that runs or is frozen are left alone, also if
+    it has our name. The search ends after `PATIENCE`.
 
     Args:
         master_uri: URI of the master.
@@ -59,9 +58,9 @@ def _dead(
         except MasterError:
             continue  # it has been unregistered meanwhile
         found = gateway_in_proxy_uri(uri)
-        if found and base_name(found) == base_name(own_name) and _is_dead(uri, node):
+        if found and base_name(found) == base_name(own_name) and _is_dead(name, uri, node):
             yield name, uri
 
 
-def _is_dead(uri: str, node: str) -> bool:
-    return refuses(uri) or process_of(uri, node) == os.getpid()
+def _is_dead(proxy: str, uri: str, caller: str) -> bool:
+    return refuses(uri) or name_of(uri, caller) not in (proxy, None)

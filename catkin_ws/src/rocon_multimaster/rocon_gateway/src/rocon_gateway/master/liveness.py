@@ -63,15 +63,15 @@ def refuses(uri: str) -> bool:
     return False
 
 
-def process_of(uri: str, caller: str) -> int | None:
-    """Returns the PID of the process that serves a node's slave API; None if it does not answer."""
+def name_of(uri: str, caller: str) -> str | None:
+    """Returns the name of the node that serves the slave API at a URI; None if no node answers."""
     try:
         line = MasterLine(uri)
     except ValueError:  # the URI is none
         return None
     try:
-        return int(value(line.ask(request("getPid", caller))))
-    except (http.client.HTTPException, OSError, MasterError, TypeError, ValueError):
+        return str(value(line.ask(request("getName", caller))))
+    except (http.client.HTTPException, OSError, MasterError):
         return None
     finally:
         line.close()

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from rocon_gateway.rules.situation import WORKING
-from rocon_relay.connection import Export, Import, LinkStatus
+from rocon_relay.connection import Export, Import, LinkState, LinkStatus
 from rocon_relay.latency import Latency
 from rocon_relay.traffic import Flow
 
@@ -35,8 +35,12 @@ def diagnostic_from_link(
     }
     node = f" of {one.key.source_node}" if one.key.source_node else ""
     working = str(link.state) in WORKING
+    if link.state is LinkState.MTU:
+        level = DiagnosticStatus.WARN
+    else:
+        level = DiagnosticStatus.OK if working else DiagnosticStatus.STALE
     return DiagnosticStatus(
-        level=DiagnosticStatus.OK if working else DiagnosticStatus.STALE,
+        level=level,
         name=f"{gateway}: {way} {other} {one.key.topic}{node}",
         message=f"{link.state}, {flow.messages:.1f} messages a second"
         if working

@@ -414,7 +414,13 @@ class GatewayNode:
     def _linked(self) -> set[str]:
         """Returns the gateways with open links; parameters have no permanent link."""
         status = self._relay.status()
-        up = {LinkState.ACTIVE, LinkState.RATE_LIMITED, LinkState.NO_PUBLISHER, LinkState.NO_SERVER}
+        up = {
+            LinkState.ACTIVE,
+            LinkState.RATE_LIMITED,
+            LinkState.MTU,
+            LinkState.NO_PUBLISHER,
+            LinkState.NO_SERVER,
+        }
         links: list[tuple[Export | Import, LinkStatus]] = [
             *status.imports.items(),
             *status.exports.items(),

@@ -45,7 +45,7 @@ def message_from_remote_rule(remote: RemoteRule | Flipped) -> RemoteRuleMessage:
 def diagnostic_from_state(state: RuleState, gateway: str) -> DiagnosticStatus:
     """Returns the status of a rule of our gateway `gateway`, for `/diagnostics`."""
     word = state.verdict.state
-    if word in WORKING:
+    if word in WORKING - {State.MTU}:
         level = DiagnosticStatus.OK
     elif word == State.PENDING:
         level = DiagnosticStatus.STALE

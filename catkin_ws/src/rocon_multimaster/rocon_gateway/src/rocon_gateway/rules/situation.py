@@ -16,6 +16,7 @@ class State(enum.StrEnum):
 
     ACTIVE = "active"
     RATE_LIMITED = "rate-limited"
+    MTU = "mtu"
     PENDING = "pending"
     NO_GATEWAY = "no such gateway"
     NO_TOPIC = "no such topic"
@@ -31,7 +32,7 @@ class State(enum.StrEnum):
     REFUSED = "refused"
 
 
-WORKING = frozenset({str(State.ACTIVE), str(State.RATE_LIMITED)})
+WORKING = frozenset({str(State.ACTIVE), str(State.RATE_LIMITED), str(State.MTU)})
 """The states of a working rule."""
 
 

@@ -12,6 +12,7 @@ from rocon_relay.connection import Import, LinkState, LinkStatus
 _ORDER = (
     State.ACTIVE,
     State.RATE_LIMITED,
+    State.MTU,
     State.TYPE_MISMATCH,
     State.UNREACHABLE,
     State.REFUSED,

@@ -1,13 +1,15 @@
 """Links over TLS: which peers are admitted; each refused peer is logged in one line and has no other effect."""
 
+import dataclasses
 import logging
 import socket
 
 import pytest
 from relay_side import Subscriber, connect, export, imported, number_of_good, wait_for
+from tcp_proxy import TcpProxy
 
 from pioneer_harness.wait import wait_until
-from rocon_relay.connection import LinkState
+from rocon_relay.connection import Address, LinkState
 from tcpros.header import header_bytes
 
 # rosmaster leaves its connections to nodes to the garbage collector.
@@ -138,3 +140,21 @@ def test_half_a_handshake_ends_in_time_and_holds_up_nobody(relays, talkers, iden
     wait_until(lambda: len(warnings(caplog)) > 1, "a line for each", 5)
     assert ["did not introduce itself within" in line for line in warnings(caplog)] == [True, True]
     assert sink.state() == [LinkState.ACTIVE]
+
+
+def test_a_relay_that_hung_in_a_handshake_is_no_proof_of_a_small_mtu(relays, talkers, identities):
+    source = relays("source", certificates=identities("one"))
+    sink = relays("sink", certificates=identities("two"), handshake_timeout=2.0)
+    proxy = TcpProxy("127.0.0.1", source.relay.port)
+    proxy.swallows = True
+    wanted = dataclasses.replace(imported(source), address=Address("127.0.0.1", proxy.port))
+    source.relay.apply({export()}, set())
+    sink.relay.apply(set(), {wanted})
+    try:
+        wait_until(lambda: "no answer in time" in sink.link().reason, "the end of the dial", 10)
+        proxy.swallows = False
+        wait_for(sink, LinkState.ACTIVE, 20)
+        assert "the other gateway was busy, or full packets" in sink.link().reason
+        assert "set the MTU" not in sink.link().reason
+    finally:
+        proxy.close()

@@ -1,0 +1,141 @@
+"""Nodes and tools of other packages and other set-ups across masters."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pioneer_harness.machine import MachineError
+from pioneer_harness.masters import MasterProcess
+from pioneer_harness.wait import START, wait_until
+
+# rosmaster runs in this process and leaves its connections to nodes to the garbage collector.
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
+)
+
+HERE = Path(__file__).parent
+AHEAD = 2.0
+"""How far the robot's clock is ahead of the base station's [s]."""
+
+
+def run(site, *argv: str, timeout: float = 60) -> subprocess.CompletedProcess[str]:
+    """Runs a program at a site and waits for it."""
+    return subprocess.run(
+        argv,
+        env=site.master.environment,
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        check=False,
+    )
+
+
+def test_dynamic_reconfigure_works_across_masters(fleet, pair) -> None:
+    base, robot = pair
+    argv = [sys.executable, str(HERE / "configured_node.py")]
+    log = fleet.folder / "configured.log"
+    fleet.group.start("configured", argv, robot.master.environment, log)
+    assert robot.flip("base", "service", "/configured/set_parameters") == 0
+    assert robot.flip("base", "publisher", "/configured/parameter_.*") == 0
+    topics = ["/configured/parameter_descriptions", "/configured/parameter_updates"]
+    wait_until(lambda: all(map(base.publishers, topics)), "the node's topics", START)
+    wait_until(
+        lambda: "/configured/set_parameters" in base.master.system_state()[2], "its service", 10
+    )
+    dynparam = ("rosrun", "dynamic_reconfigure", "dynparam")
+    assert run(base, *dynparam, "list").stdout.split() == ["/configured"]
+    done = run(base, *dynparam, "set", "/configured", "int_", "7")
+    assert done.returncode == 0, done.stderr
+    assert robot.master.proxy().getParam("/configured/int_") == 7
+    done = run(robot, *dynparam, "set", "/configured", "str_", "robot")
+    assert done.returncode == 0, done.stderr
+    found = yaml.safe_load(run(base, *dynparam, "get", "/configured").stdout)
+    assert (found["int_"], found["str_"]) == (7, "robot")
+
+
+def test_roswtf_finds_no_fault_in_a_gateways_proxies(pair) -> None:
+    if not shutil.which("roswtf"):
+        pytest.skip("roswtf is not installed: apt install python3-roswtf")
+    base, robot = pair
+    robot.talk("/chatter")
+    ear = base.hear("/chatter")
+    assert base.flip("robot", "subscriber", "/chatter") == 0
+    ear.first_after(0.0)
+    report = run(base, "roswtf", timeout=120).stdout
+    assert "/robot/talker" not in report, report
+
+
+def test_a_robot_whose_clock_is_ahead_keeps_its_rules_and_stamps(fleet) -> None:
+    if not shutil.which("faketime"):
+        pytest.skip("faketime is not installed: apt install faketime")
+    fleet.start_hub()
+    base = fleet.site("base").start().connected()
+    # Monotonic time is the same for everybody, as it has no meaning on another computer.
+    ahead = ("env", "FAKETIME_DONT_FAKE_MONOTONIC=1", "faketime", "-f", f"+{AHEAD}s")
+    robot = fleet.site("robot", prefix=ahead).start().connected()
+    argv = [*ahead, "rostopic", "pub", "-r", "10", "/stamped", "std_msgs/Header", "stamp: now"]
+    log = fleet.folder / "stamped.log"
+    fleet.group.start("stamped", argv, robot.master.environment, log, may_end=True)
+    assert base.flip("robot", "subscriber", "/stamped") == 0
+    wait_until(lambda: base.publishers("/stamped"), "the far publisher", START)
+    delay = run(base, "timeout", "-s", "INT", "10", "rostopic", "echo", "-n", "1", "/stamped")
+    assert "secs" in delay.stdout, delay.stderr
+    wait_until(lambda: base.states()["flip /stamped"] == "active", "active", 10)
+    examined = run(base, "rosrun", "rocon_gateway", "doctor").stdout
+    (line,) = [line for line in examined.splitlines() if "that at gateway 'robot'" in line]
+    assert "behind that at gateway 'robot'" in line
+    assert float(line.split("clock is ")[1].split(" s ")[0]) == pytest.approx(AHEAD, abs=0.3)
+    assert "chrony" in examined
+    wait_until(lambda: robot.info().connected and base.info().connected, "both on the hub", 5)
+
+
+def test_a_node_with_an_ipv6_address_only_has_a_rule_that_says_why(fleet, pair) -> None:
+    if not Path("/proc/net/if_inet6").exists():
+        pytest.skip("this machine has no IPv6")
+    base, robot = pair
+    environment = {**robot.master.environment, "ROS_IPV6": "on", "ROS_IP": "::1"}
+    environment.pop("ROS_HOSTNAME", None)
+    argv = [sys.executable, str(HERE / "probe.py"), "talk", "six", "/six"]
+    fleet.group.start("six", argv, environment, fleet.folder / "six.log", may_end=True)
+    wait_until(lambda: robot.publishers("/six") == ["/six"], "the node", START)
+    assert "[::1]" in robot.master.proxy().lookupNode("/six")
+    assert base.flip("robot", "subscriber", "/six") == 0
+    base.hear("/six")
+    wait_until(
+        lambda: "::1 has an IPv6 address only" in base.states()["flip /six"], "the reason", 10
+    )
+    assert base.states()["flip /six"].startswith("no publisher")
+
+
+def test_a_gateway_behind_nat_receives_and_says_that_it_cannot_be_reached(fleet, machine) -> None:
+    """No connection to the relay gets in through Docker's NAT, or a router's; those from inside work."""
+    fleet.hub_uri = f"http://{machine.here}:{fleet.hub_port}"
+    fleet.start_hub(insecure=True)
+    master = MasterProcess(fleet.group, 11311, fleet.folder, machine.there, machine.prefix)
+    base, robot = fleet.site("base"), fleet.site("robot", master, machine.prefix)
+    base.start({"ROS_IP": machine.here}, insecure=True).connected()
+    robot.start(insecure=True).connected()
+    port = str(robot.relay_port())
+    nat = ("INPUT", "-i", "eth0", "-p", "tcp", "--dport", port, "--syn", "-j", "DROP")
+    try:
+        machine.run("iptables", "-A", *nat)
+    except MachineError as error:
+        pytest.skip(f"NAT is not tested here: {error}")
+    try:
+        base.talk("/command")
+        robot.talk("/sensor")
+        assert base.flip("robot", "publisher", "/command") == 0
+        assert base.flip("robot", "subscriber", "/sensor") == 0
+        robot.hear("/command").first_after(0.0, timeout=START)
+        wait_until(lambda: base.states()["flip /command"] == "active", "active", 10)
+        wait_until(
+            lambda: base.states()["flip /sensor"].startswith("unreachable: robot at"),
+            "the rule to be unreachable",
+            15,
+        )
+    finally:
+        machine.run("iptables", "-D", *nat)
