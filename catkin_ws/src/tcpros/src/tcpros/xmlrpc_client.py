@@ -26,6 +26,21 @@ Done = Callable[[Any], object]
 Failed = Callable[[str], object]
 
 
+def host_and_port(uri: str) -> tuple[str, int]:
+    """Returns host and port of a URI; "" or 0 if it has none.
+
+    rospy writes an IPv6 address without brackets: `http://::1:40000/`.
+    """
+    try:
+        parts = urlsplit(uri)
+        if parts.netloc.count(":") > 1 and "[" not in parts.netloc:
+            host, _, port = parts.netloc.rpartition(":")
+            return host, int(port)
+        return parts.hostname or "", parts.port or 0
+    except ValueError:
+        return "", 0
+
+
 class NoAnswer(str):
     """The reason why a call got no answer. The server may have executed it, and a retry may succeed."""
 
@@ -99,20 +114,15 @@ class Server:
 
     def _dial(self, body: bytes, answered: Callable[[bytes, str], None]) -> None:
         """Sends one request; calls `answered` with the response's body, or with b"" and the reason."""
-        parts = urlsplit(self.uri)
-        try:
-            host, port = parts.hostname, parts.port
-        except ValueError:
-            host, port = None, None
+        host, port = host_and_port(self.uri)
         if not host or not port:
             answered(b"", f"{self.uri!r} is not an address")
             return
-        number = port
 
         def found(address: str) -> None:
             call = _Call(self._reactor, self.uri, body, answered)
             self._reactor.call_later(self._timeout, lambda: call.close("it did not answer in time"))
-            call.connect(address, number)
+            call.connect(address, port)
 
         self._resolver.resolve(host, found, lambda reason: answered(b"", reason))
 

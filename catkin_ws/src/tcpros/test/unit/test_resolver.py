@@ -11,6 +11,7 @@ import pytest
 
 from tcpros.reactor import Reactor
 from tcpros.resolver import Resolver
+from tcpros.xmlrpc_client import host_and_port
 
 PATIENCE = 20.0
 
@@ -129,3 +130,21 @@ def test_malformed_names_are_answered_too(ask: Callable[..., Answers]) -> None:
     answers = ask("hub..lan", "x" * 300, "nul\0", "\udcff", "127.0.0.1")
     assert answers.complete.wait(PATIENCE)
     assert sum("cannot be resolved" in text for text in answers.texts) == 4
+
+
+@pytest.mark.parametrize(
+    ("uri", "host", "port"),
+    [
+        ("http://robot:40000/", "robot", 40000),
+        ("http://[::1]:40000/", "::1", 40000),
+        ("http://::1:40000/", "::1", 40000),
+        ("http://robot/", "robot", 0),
+        ("http://robot:x/", "", 0),
+        ("http://::x/", "", 0),
+        ("nonsense", "", 0),
+    ],
+)
+def test_host_and_port_of_an_address_also_as_rospy_writes_ipv6(
+    uri: str, host: str, port: int
+) -> None:
+    assert host_and_port(uri) == (host, port)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from typing import Any
-from urllib.parse import urlsplit
 
 from rocon_relay.connection import Export, LinkState, LinkStatus, Subject, proxy_name
 from rocon_relay.context import Context
@@ -13,6 +12,7 @@ from rocon_relay.service_pipe import ServicePipe
 from tcpros.dialled_stream import DialledStream, watch_liveness
 from tcpros.header import HeaderError, header_bytes, header_parser, printable
 from tcpros.service_call import CallTotals
+from tcpros.xmlrpc_client import host_and_port
 
 
 class ServiceExportEnd:
@@ -101,11 +101,7 @@ class ExportedCall:
         self._context.master.call("lookupService", arguments, self._located, self._failed)
 
     def _located(self, uri: Any) -> None:
-        try:
-            parts = urlsplit(str(uri))
-            host, port = parts.hostname or "", parts.port or 0
-        except ValueError:
-            host, port = "", 0
+        host, port = host_and_port(str(uri))
         if not host or not port:
             self._failed(f"{uri!r} is not the address of a server")
             return
