@@ -153,10 +153,10 @@ def test_the_hub_carries_long_lists_of_rules_on_a_path_that_swallows_large_packe
             "the robot's answers",
             15,
         )
-        assert (base.info().connected, robot.info().connected) == (True, True)
     finally:
         machine.pass_all()
         assert base.call("flip", srv.Remote, remotes=rules, cancel=True).result == 0
+    assert (base.info().connected, robot.info().connected) == (True, True)
     assert robot.log.read_text().count("lost") == losses
 
 
