@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from pioneer_harness.proc import has_variable
 from pioneer_harness.wait import wait_until
 
 PIONEER = Path(__file__).resolve().parents[5] / "pioneer"
@@ -40,6 +41,26 @@ def kill_while_driving(fleet, node):
 def kill(fleet, node):
     (victim,) = [pid for pid, line in fleet.processes().items() if f"__name:={node} " in line]
     os.kill(victim, signal.SIGKILL)
+
+
+def test_a_robot_resumes_its_waypoints_when_its_computer_is_killed(start):
+    goal = (3.5, -3.0)
+    fleet = start("--robots", 1, "--world", "small_world", command="fleet")
+    fleet.await_words("1 robot is ready in small_world", START_UP)
+    (robot,) = status(fleet)["robots"]
+    send({**os.environ, "ROS_MASTER_URI": robot["master"], "ROS_IP": "127.0.0.1"}, *goal)
+    wait_until(lambda: abs(status(fleet)["robots"][0]["speed"]) > 0.2, "the robot under way", DRIVE)
+    (gateway,) = [
+        pid
+        for pid, line in fleet.processes().items()
+        if "__name:=gateway " in line and has_variable(pid, "ROBOT_NAME", "pioneer1")
+    ]
+    os.kill(gateway, signal.SIGKILL)
+    fleet.await_words("pioneer1's computer is started again and resumes its waypoints", DRIVE)
+    wait_until(lambda: status(fleet)["robots"][0]["reached"] == 1, "the goal", DRIVE)
+    (robot,) = status(fleet)["robots"]
+    assert math.dist(goal, robot["pose"][:2]) < GOAL
+    fleet.interrupt()
 
 
 @pytest.fixture
