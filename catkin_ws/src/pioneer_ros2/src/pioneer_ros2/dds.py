@@ -64,6 +64,11 @@ _DEPTH = 10
 """Samples that a writer or reader keeps, as in ROS 2's default profile."""
 _LONGEST_WAIT = 0.001
 """A reliable writer waits so long for a reader whose buffers are full, then the sample is dropped [s]."""
+_NO_LINGER = (
+    "<CycloneDDS><Domain><Internal><WriterLingerDuration>0 s</WriterLingerDuration></Internal>"
+    "</Domain></CycloneDDS>"
+)
+"""A writer that is closed does not wait for readers: one that was killed would keep the node for its lease, 20 s."""
 _MOST_TAKEN = 64
 _ONLY_FATAL = 1
 """Cyclone's log category that reaches standard error."""
@@ -314,13 +319,12 @@ class Participant:
         self._samples = SampleTypes(messages)
         self._node = node
         self._topics: dict[tuple[str, str], Topic[Any]] = {}
-        self._domain: Domain | None = None
         # Warnings are of every type description of Fast DDS that Cyclone cannot read, see matching.py; errors of every
         # packet to an address that a peer announced and then lost. What matters comes as a return code.
         DDS._dll_handle.dds_set_log_mask(_ONLY_FATAL)
         chosen = configuration(os.environ)
-        if chosen is not None:
-            self._domain = Domain(number, chosen)
+        given = os.environ.get("CYCLONEDDS_URI", "") if chosen is None else chosen
+        self._domain = Domain(number, ",".join(part for part in (given, _NO_LINGER) if part))
         # The enclave of security, which every participant of ROS 2 names.
         self.entity = DomainParticipant(number, qos=Qos(Policy.Userdata(b"enclave=/;")))
         self.matching = Listener()

@@ -25,6 +25,8 @@ ROOT = Path(__file__).resolve().parents[5]
 PEER = ROOT / ".setup" / "ros2-peer" / "bin" / "python3"
 CROSSES = 20.0
 """Time within which something crosses once both sides run: discovery takes a second or two [s]."""
+LEASE = 20.0
+"""Time after which Fast DDS counts a participant as gone [s]."""
 SEED, KILLS = 43, 60.0
 """Of the order in which parts are killed, and for how long [s]."""
 
@@ -360,6 +362,88 @@ def test_after_a_minute_of_kills_and_restarts_everything_crosses(
         finally:
             site.end()
     assert "Traceback" not in (tmp_path / "door.log").read_text()
+
+
+def readers_of(master: Master, topic: str) -> set[str]:
+    """Returns the nodes that subscribe to a topic in ROS 1."""
+    return set(master.system_state()[1].get(topic, []))
+
+
+def test_a_topic_is_subscribed_in_ros_1_only_while_ros_2_reads_it(
+    domain: str, tmp_path: Path
+) -> None:
+    topic = "/pioneer1/odom"
+    with Master() as master:
+        environment = {**master.environment, "ROS_DOMAIN_ID": str(int(domain) + 2)}
+        alone = {name: environment[name] for name in environment.keys() - {"PYTHONPATH"}}
+        programs = [
+            Program(["python3", str(HERE / "robot.py")], environment, tmp_path / "robot.log")
+        ]
+        try:
+            door = Program(
+                ["rosrun", "pioneer_ros2", "ros2_door"], environment, tmp_path / "door.log"
+            )
+            programs.append(door)
+            # Latched topics are always read: then the door has looked at the others, too.
+            wait_until(lambda: "/ros2_door" in readers_of(master, "/map"), "the map", START)
+            assert "/ros2_door" not in readers_of(master, topic)
+            peer = Program([str(PEER), str(HERE / "peer.py")], alone, tmp_path / "peer.log")
+            programs.append(peer)
+            peer.waits_for(topic, [1.5, "pioneer1/base_link"])
+            assert "/ros2_door" in readers_of(master, topic)
+            peer.end()
+            programs.remove(peer)
+            wait_until(lambda: "/ros2_door" not in readers_of(master, topic), "its end", START)
+        finally:
+            for program in reversed(programs):
+                program.end()
+
+
+def test_the_door_ends_at_once_although_a_reader_was_killed(domain: str, tmp_path: Path) -> None:
+    """Its writers waited for the reader's answers until the reader's lease had expired, 20 s."""
+    with Master() as master:
+        environment = {**master.environment, "ROS_DOMAIN_ID": str(int(domain) + 4)}
+        alone = {name: environment[name] for name in environment.keys() - {"PYTHONPATH"}}
+        robot = Program(["python3", str(HERE / "robot.py")], environment, tmp_path / "robot.log")
+        door = Program(["rosrun", "pioneer_ros2", "ros2_door"], environment, tmp_path / "door.log")
+        peer = Program([str(PEER), str(HERE / "peer.py")], alone, tmp_path / "peer.log")
+        try:
+            peer.waits_for("/pioneer1/odom", [1.5, "pioneer1/base_link"])
+            peer.end(signal.SIGKILL)
+            # More than its writers keep without an answer.
+            crossed = time.monotonic() + 2.0
+            wait_until(lambda: time.monotonic() > crossed, "messages without an answer", CROSSES)
+            began = time.monotonic()
+            door.end()
+            assert time.monotonic() - began < LEASE / 2
+        finally:
+            for program in (peer, door, robot):
+                program.end()
+
+
+def test_a_custom_type_crosses_by_the_definition_that_its_publisher_sends(
+    domain: str, tmp_path: Path
+) -> None:
+    rules = tmp_path / "rules.yaml"
+    rules.write_text("out: [{topic: /walker/leg}]")
+    number = str(int(domain) + 3)
+    with Master() as master:
+        environment = {**master.environment, "ROS_DOMAIN_ID": number}
+        door = ["rosrun", "pioneer_ros2", "ros2_door", f"_rules:={rules}"]
+        programs = [
+            Program(["python3", str(HERE / "walker.py")], environment, tmp_path / "walker.log"),
+            Program(door, environment, tmp_path / "door.log"),
+        ]
+        try:
+            command = ["python3", str(HERE / "leg.py"), number, "/walker/leg"]
+            done = subprocess.run(
+                command, capture_output=True, text=True, timeout=START, check=False
+            )
+        finally:
+            for program in reversed(programs):
+                program.end()
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == ["left", [0.5, -0.25], [1, 2, 3]]
 
 
 @pytest.mark.parametrize(
