@@ -5,7 +5,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 
-from containers.engine import DESKTOP, EXTRAS, WEB, ContainerError
+from containers.engine import DESKTOP, EXTRAS, ROS2, WEB, ContainerError
 from containers.fleet_plan import LOCKSTEP, ROBOTS, WORLD, limits
 from containers.image import ensure_images
 from containers.state import fleet, project
@@ -46,7 +46,12 @@ def _commands() -> Subcommands:
     )
     text = "Builds the image that up starts, and starts nothing."
     image = commands.add("image", _image, text, "image --desktop")
-    _add_extras(image, "the desktop's image too", "the fleet page's image too")
+    _add_extras(
+        image,
+        "the desktop's image too",
+        "the fleet page's image too",
+        "the image of the door to ROS 2 too",
+    )
     return commands
 
 
@@ -78,6 +83,7 @@ def _add_up(parser: argparse.ArgumentParser) -> None:
         parser,
         "with RViz of the fleet, in the browser",
         "with the fleet page, for this machine (docs/web.md)",
+        "with the door to ROS 2, in the domain ROS_DOMAIN_ID, for this machine (docs/ros2.md)",
     )
     add(
         "--swarm",
@@ -101,8 +107,8 @@ def _pace(text: str) -> float | str:
         raise argparse.ArgumentTypeError(f"a number or lockstep, not '{text}'") from None
 
 
-def _add_extras(parser: argparse.ArgumentParser, desktop: str, web: str) -> None:
-    for name, text in ((DESKTOP, desktop), (WEB, web)):
+def _add_extras(parser: argparse.ArgumentParser, desktop: str, web: str, ros2: str) -> None:
+    for name, text in ((DESKTOP, desktop), (WEB, web), (ROS2, ros2)):
         parser.add_argument(
             f"--{name}", action="append_const", const=name, dest="extras", default=[], help=text
         )

@@ -13,10 +13,11 @@ from typing import Any
 
 DOCKER = ("docker",)
 """The command that controls this machine's engine."""
-DESKTOP, WEB = "desktop", "web"
+DESKTOP, WEB, ROS2 = "desktop", "web", "ros2"
+EXTRAS = (DESKTOP, WEB, ROS2)
 """Services, named like their profiles, whose containers are not computers but share the base station's network."""
-EXTRAS = {DESKTOP: 6080, WEB: 8090}
-"""These services with the ports of their pages."""
+PAGES = {DESKTOP: 6080, WEB: 8090}
+"""Those with a page, and its port."""
 
 
 class ContainerError(Exception):
@@ -163,8 +164,16 @@ class Project:
         """Prints the logs of the named computers, by default of all; with ``follow``, until Ctrl-C."""
         self._compose("logs", *(["-f"] if follow else []), *names)
 
+    def runs(self, service: str) -> bool:
+        """Returns whether a container of the service runs."""
+        labels = (f"project={self.name}", f"service={service}")
+        filters = [
+            word for label in labels for word in ("--filter", f"label=com.docker.compose.{label}")
+        ]
+        return bool(output("docker", "ps", "-q", *filters).strip())
+
     def computers(self) -> list[Computer]:
-        """Returns the project's computers: the base station first, then robots by number; without desktop and web."""
+        """Returns the project's computers: the base station first, then robots by number; without `EXTRAS`."""
         ids = output(
             "docker", "ps", "-aq", "--filter", f"label=com.docker.compose.project={self.name}"
         ).split()

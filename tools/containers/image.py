@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from containers.engine import DESKTOP, WEB, ContainerError, output, say
+from containers.engine import DESKTOP, ROS2, WEB, ContainerError, output, say
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 LOG = ROOT / ".setup" / "log" / "image.log"
@@ -31,6 +31,7 @@ _PARTS = (
     "docker/computer",
     "docker/desktop",
     "docker/healthy",
+    "docker/ros2",
     "docker/web",
 )
 MACHINES = ("x86_64", "AMD64")
@@ -41,8 +42,12 @@ _CHOICE = (
     *("--platform", "manylinux2014_x86_64", "--platform", "manylinux_2_28_x86_64"),
 )
 """pip options that select packages for the image's Debian 12."""
-_SECTIONS: dict[str, tuple[str, ...]] = {DESKTOP: (), WEB: ("web", "record")}
-"""Sections of the requirements for the extras: the page with recordings."""
+_SECTIONS: dict[str, tuple[str, ...]] = {
+    DESKTOP: (),
+    WEB: ("web", "record"),
+    ROS2: ("ros2",),
+}
+"""Sections of the requirements for the extras: the page with recordings, the door to ROS 2."""
 _LONG_STAGES = ("packages", "build")
 """Stages of the fleet's image that do not depend on each other."""
 
@@ -81,7 +86,7 @@ def ensure_image(name: str) -> None:
 
 
 def ensure_extra_image(extra: str, base: str) -> None:
-    """Builds the image of the desktop or the fleet page on top of the image ``base``, unless it is up to date.
+    """Builds the image of an extra on top of the image ``base``, unless it is up to date.
 
     Raises:
         ContainerError: a step failed.

@@ -12,7 +12,7 @@ from typing import Any
 
 from containers import image
 from containers.deployment import Deployment, is_on_swarm
-from containers.engine import DESKTOP, EXTRAS, WEB, Computer, ContainerError, output, say
+from containers.engine import DESKTOP, PAGES, ROS2, WEB, Computer, ContainerError, output, say
 from containers.fleet_plan import DOWN, FleetPlan, is_idle, make_fleet_plan
 from containers.layout import SUBNET, compose_text
 from containers.report import follow, progress_line
@@ -36,6 +36,7 @@ COMPUTERS_A_PROCESSOR = 3
 seconds of processor time, and roslaunch gives its master only ten seconds to answer."""
 _UP = ("bash", "-c", "until /opt/pioneer/docker/healthy 2>/dev/null; do sleep 0.5; done")
 _PAGE = "until (exec 3<>/dev/tcp/$HOSTNAME/{port}) 2>/dev/null; do sleep 0.5; done"
+_DOOR = "until rosnode list 2>/dev/null | grep -qx /ros2_door; do sleep 0.5; done"
 
 
 def up(options: Namespace) -> int:
@@ -64,12 +65,13 @@ def up(options: Namespace) -> int:
         built = time.monotonic()
         computers = _start(plan, options)
     for extra in options.extras:
-        # The fleet page has to wait for the world.
+        # The fleet page and the door to ROS 2 have to wait for the world.
         if extra == DESKTOP or (plan.base and not is_idle(plan.base)):
-            _await_page(next(one for one in computers if one.name == BASE), extra)
+            _await_extra(next(one for one in computers if one.name == BASE), extra)
         say(_address(extra, subnet(options.project)))
     if plan.base:
-        _join(plan.base, plan.joiners(computers))
+        with_ros2 = not swarm and project(options.project).runs(ROS2)
+        _join(plan.base, plan.joiners(computers), with_ros2)
     if plan.idle:
         _say_idle(plan, computers)
         return 0
@@ -117,9 +119,9 @@ def _await_gateways(computers: Sequence[Computer]) -> None:
             output("docker", "exec", one.container, "timeout", f"{START_UP:g}", *_UP)
 
 
-def _await_page(base: Computer, extra: str) -> None:
-    """Waits until the page of an extra is served on the base station's network."""
-    wait = ("bash", "-c", _PAGE.format(port=EXTRAS[extra]))
+def _await_extra(base: Computer, extra: str) -> None:
+    """Waits until an extra's page is served on the base station's network, or its node is on the master."""
+    wait = ("bash", "-c", _DOOR if extra == ROS2 else _PAGE.format(port=PAGES[extra]))
     try:
         output("docker", "exec", base.container, "timeout", f"{START_UP:g}", *wait)
     except ContainerError:
@@ -129,17 +131,20 @@ def _await_page(base: Computer, extra: str) -> None:
 
 
 def _address(extra: str, network: str) -> str:
-    """Returns the line with the page's address."""
+    """Returns the line that says where an extra is: with its page's address, or with the domain in ROS 2."""
+    if extra == ROS2:
+        domain = os.environ.get("ROS_DOMAIN_ID") or "0"
+        return f"Door to ROS 2: domain {domain}, for nodes on this machine and in {network}.0/24 (docs/ros2.md)"
     word = secret(f"{extra}-token").read_text().strip()
-    page = f"http://{network}.100:{EXTRAS[extra]}"
+    page = f"http://{network}.100:{PAGES[extra]}"
     if extra == WEB:
         return f"Fleet page, once it is up: {page}/#{word}"
     query = {"autoconnect": "true", "resize": "scale", "path": f"websockify?token={word}"}
     return f"desktop with RViz: {page}/vnc.html?{urllib.parse.urlencode(query)}"
 
 
-def _join(base: Computer, robots: Sequence[str]) -> None:
-    """Adds robots to the running world and later ones, and what RViz shows of them to the base station.
+def _join(base: Computer, robots: Sequence[str], with_ros2: bool) -> None:
+    """Adds robots to the running world and later ones, and what RViz and ROS 2 get of them to the base station.
 
     The world already has robots that joined earlier, unless it was restarted on another machine.
     """
@@ -153,7 +158,8 @@ def _join(base: Computer, robots: Sequence[str]) -> None:
         return
     names = [f"pioneer{number}" for number in range(1, int(count) + 1)]
     output(*on_base, base.container, "rosparam", "set", "/robot_names", json.dumps(names))
-    output(*on_base, base.container, "rosrun", "rocon_flip", "flip-from-hub", count)
+    for script in ("flip-from-hub", *(("flip-for-ros2",) if with_ros2 else ())):
+        output(*on_base, base.container, "rosrun", "rocon_flip", script, count)
     for robot in robots:
         pose = " ".join(
             f"-{option} $(rosparam get /{robot}/{key})"

@@ -109,6 +109,7 @@ def no_fleet(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         ("--update", "--update is for a fleet on a swarm"),
         ("--registry r:5000", "--registry is for a fleet on a swarm"),
         ("--swarm --desktop", "--desktop is for a fleet on one machine"),
+        ("--swarm --ros2", "--ros2 is for a fleet on one machine"),
         ("--swarm --web", "--web is for a fleet on one machine"),
         ("--swarm --update", "--update is for a fleet that runs"),
     ],

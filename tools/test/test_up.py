@@ -32,6 +32,7 @@ class FakeEngine:
         self.file, self.composed, self.executed = file, list[tuple[str, ...]](), list[str]()
         #: by computer, in the last call: the stage that was waited for, and the number of waypoints that it was sent to
         self.asked: dict[str, tuple[str, int]] = {}
+        self.services: set[str] = set()  #: of the extras, those that run
         self.joined = ""  #: the base station's list of robots that have joined
 
     def project(self, name: str, **variables: str) -> "FakeProject":
@@ -69,11 +70,14 @@ class FakeProject:
     def alone(self) -> contextlib.AbstractContextManager[None]:
         return contextlib.nullcontext()
 
+    def runs(self, service: str) -> bool:
+        return service in self._engine.services
+
     def run(self, *words: str) -> None:
         engine, variables = self._engine, self._variables
-        engine.composed.append(
-            (*words, *filter(None, variables.get("COMPOSE_PROFILES", "").split(",")))
-        )
+        extras = [*filter(None, variables.get("COMPOSE_PROFILES", "").split(","))]
+        engine.composed.append((*words, *extras))
+        engine.services.update(extras)
         there = {one.name: one for one in engine.computers}
         numbers = sorted(
             int(text) for text in re.findall(r"^  aadi(\d+):", engine.file.read_text(), re.M)
@@ -149,6 +153,30 @@ def test_a_desktop_on_a_running_fleet_sends_nobody_and_waits_for_nobody(
     assert engine.composed == [("up", "-d", "--no-recreate", "desktop")]
     assert engine.asked == {}
     assert "desktop with RViz: http://" in capsys.readouterr().out
+
+
+def test_the_door_to_ros_2_is_announced_with_a_new_fleet_and_awaited_on_a_running_one(
+    engine: FakeEngine, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
+    assert engine.up("--ros2") == 0
+    assert engine.composed == [("up", "-d", "ros2")]
+    assert not any("/ros2_door" in line for line in engine.executed), "it waits for the world"
+    said = "Door to ROS 2: domain 7, for nodes on this machine and in 192.168.2.0/24"
+    assert said in capsys.readouterr().out
+    assert engine.up("--ros2") == 0
+    assert engine.composed == [("up", "-d", "--no-recreate", "ros2")]
+    assert [line for line in engine.executed if "/ros2_door" in line]
+
+
+@pytest.mark.parametrize("has_door", [False, True])
+def test_robots_that_join_are_flipped_for_ros_2_where_its_door_runs(
+    engine: FakeEngine, has_door: bool
+) -> None:
+    engine.up("--robots 2 --ros2" if has_door else "--robots 2")
+    engine.up("--robots 3")
+    flips = [line for line in engine.executed if line.endswith("rocon_flip flip-for-ros2 3")]
+    assert len(flips) == has_door
 
 
 def test_the_fleet_page_is_announced_with_a_new_fleet_and_awaited_on_a_running_one(
