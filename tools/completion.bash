@@ -10,13 +10,13 @@ _pioneer() {
   elif [[ $word != -* && $command == test ]]; then
     words="changed lint types unit launch rostest e2e containers"
   elif [[ $word != -* && $command == bench ]]; then
-    words=$("$pioneer" bench --help | sed -nE 's/^    ([a-z]+)\b.*/\1/p')
+    words=$("$pioneer" bench --help | sed -nE 's/^    ([a-z0-9]+)\b.*/\1/p')
   elif [[ $word != -* && $command == teleop ]]; then
     words=$("$pioneer" status --json 2>/dev/null | grep -oE '"robot": "[^"]+"' | cut -d'"' -f4)
   elif [[ $word != */* && $word != -* && $command == run-scenario ]]; then
     words=$(cd "$folder/catkin_ws/src/pioneer_demo/scenarios" && printf '%s\n' *.yaml | sed 's/\.yaml$//')
   elif [[ $word == -* ]]; then
-    words=$("$pioneer" "$command" --help 2>/dev/null | grep -oE -- '--[a-z]+' | sort -u)
+    words=$("$pioneer" "$command" --help 2>/dev/null | grep -oE -- '--[a-z][a-z0-9-]*' | sort -u)
   else
     COMPREPLY=($(compgen -f -- "$word"))
     return

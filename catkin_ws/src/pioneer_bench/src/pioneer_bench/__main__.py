@@ -15,6 +15,7 @@ BENCHES = {
     "learning": "the learning environment: agent-steps a CPU-second, by number of robots",
     "lockstep": "fleets in lockstep: real-time factor, CPU, and equal results, by number of robots",
     "web": "the fleet page: CPU of its server and bytes to a page, by the number of pages",
+    "ros2": "the door to ROS 2: cost and latency beside a bridge of rclpy and rospy objects",
     "compare": "two reports of one bench: ratios with the machine's speed taken out, and what is worse",
     "traffic": "right of way: fleets on random tours in narrow and shipped worlds, without ROS",
 }

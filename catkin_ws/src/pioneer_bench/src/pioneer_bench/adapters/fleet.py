@@ -87,7 +87,7 @@ class Site:
             "hub_uri": self._fleet.hub_uri,
         }
         self.master.set_param("/gateway", config)
-        self.gateway = self.run("gateway", [_program("rocon_gateway", "gateway")])
+        self.gateway = self.run("gateway", [find_program("rocon_gateway", "gateway")])
         # Waits for the service that the gateway advertises last.
         wait_until(
             lambda: self.serves("/gateway/set_watcher_period"), f"{self.name}'s services", PATIENCE
@@ -186,7 +186,7 @@ class Fleet:
         """Starts the hub and waits until its port answers."""
         config = {"name": "Bench Hub", "port": self.port, "zeroconf": False, "insecure": insecure}
         self._hub_master.set_param("/hub", config)
-        self.hub = self.run("hub", [_program("rocon_hub", "hub")], self._hub_master)
+        self.hub = self.run("hub", [find_program("rocon_hub", "hub")], self._hub_master)
         wait_until(lambda: not is_free(self.port), "the hub's port", PATIENCE)
 
     def run(self, name: str, argv: list[str], master: Master) -> Process:
@@ -203,7 +203,7 @@ class Fleet:
         self._ports.release()
 
 
-def _program(package: str, name: str) -> str:
+def find_program(package: str, name: str) -> str:
     """Returns a program's path, found as roslaunch does: rosrun needs ten processes and 0.1 s for it."""
     (path,) = find_node(package, name)
     return str(path)

@@ -42,6 +42,8 @@ _UNITS = {
     "CPU-s/s": (Scale.CPU_TIME, Better.LOWER),
     "CPU-s": (Scale.CPU_TIME, Better.LOWER),
     "CPU ms": (Scale.CPU_TIME, Better.LOWER),
+    "CPU µs": (Scale.CPU_TIME, Better.LOWER),
+    "% of a core": (Scale.CPU_TIME, Better.LOWER),
     "ms": (Scale.LATENCY, Better.LOWER),
     "1/s": (Scale.CPU_RATE, Better.HIGHER),
     "msg/s": (Scale.RATE, Better.HIGHER),
