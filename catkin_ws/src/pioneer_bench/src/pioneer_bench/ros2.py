@@ -11,11 +11,11 @@ from pathlib import Path
 from pioneer_bench.adapters.door_site import (
     PEER,
     DoorSite,
-    Process,
     cpu_of,
     private_memory,
     result_of,
 )
+from pioneer_bench.adapters.fleet import Process
 from pioneer_bench.core.door import (
     BRIDGE,
     DOOR,

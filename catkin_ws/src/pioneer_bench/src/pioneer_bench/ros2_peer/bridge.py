@@ -12,6 +12,7 @@ import json
 import os
 import sys
 import time
+from typing import Any
 
 import geometry_msgs.msg as geometry2
 import nav_msgs.msg as nav2
@@ -35,35 +36,35 @@ PROFILES = {
 }
 
 
-def _copy_time(old, new):
+def _copy_time(old: Any, new: Any) -> None:
     new.sec = old.secs
     new.nanosec = old.nsecs
 
 
-def _copy_header(old, new):
+def _copy_header(old: Any, new: Any) -> None:
     _copy_time(old.stamp, new.stamp)
     new.frame_id = old.frame_id
 
 
-def _copy_vector(old, new):
+def _copy_vector(old: Any, new: Any) -> None:
     new.x = old.x
     new.y = old.y
     new.z = old.z
 
 
-def _copy_pose(old, new):
+def _copy_pose(old: Any, new: Any) -> None:
     _copy_vector(old.position, new.position)
     _copy_vector(old.orientation, new.orientation)
     new.orientation.w = old.orientation.w
 
 
-def _clock(old):
+def _clock(old: Any) -> Any:
     new = rosgraph2.Clock()
     _copy_time(old.clock, new.clock)
     return new
 
 
-def _scan(old):
+def _scan(old: Any) -> Any:
     new = sensor2.LaserScan()
     _copy_header(old.header, new.header)
     new.angle_min = old.angle_min
@@ -79,7 +80,7 @@ def _scan(old):
     return new
 
 
-def _image(old):
+def _image(old: Any) -> Any:
     new = sensor2.Image()
     _copy_header(old.header, new.header)
     new.height = old.height
@@ -91,7 +92,7 @@ def _image(old):
     return new
 
 
-def _joints(old):
+def _joints(old: Any) -> Any:
     new = sensor2.JointState()
     _copy_header(old.header, new.header)
     new.name = list(old.name)
@@ -101,7 +102,7 @@ def _joints(old):
     return new
 
 
-def _odometry(old):
+def _odometry(old: Any) -> Any:
     new = nav2.Odometry()
     _copy_header(old.header, new.header)
     new.child_frame_id = old.child_frame_id
@@ -113,14 +114,14 @@ def _odometry(old):
     return new
 
 
-def _stamped_pose(old):
+def _stamped_pose(old: Any) -> Any:
     new = geometry2.PoseStamped()
     _copy_header(old.header, new.header)
     _copy_pose(old.pose, new.pose)
     return new
 
 
-def _estimate(old):
+def _estimate(old: Any) -> Any:
     new = geometry2.PoseWithCovarianceStamped()
     _copy_header(old.header, new.header)
     _copy_pose(old.pose.pose, new.pose.pose)
@@ -128,7 +129,7 @@ def _estimate(old):
     return new
 
 
-def _particles(old):
+def _particles(old: Any) -> Any:
     new = geometry2.PoseArray()
     _copy_header(old.header, new.header)
     poses = []
@@ -139,14 +140,14 @@ def _particles(old):
     return new
 
 
-def _path(old):
+def _path(old: Any) -> Any:
     new = nav2.Path()
     _copy_header(old.header, new.header)
     new.poses = [_stamped_pose(pose) for pose in old.poses]
     return new
 
 
-def _grid(old):
+def _grid(old: Any) -> Any:
     new = nav2.OccupancyGrid()
     _copy_header(old.header, new.header)
     _copy_time(old.info.map_load_time, new.info.map_load_time)
@@ -158,7 +159,7 @@ def _grid(old):
     return new
 
 
-def _polygon(old):
+def _polygon(old: Any) -> Any:
     new = geometry2.PolygonStamped()
     _copy_header(old.header, new.header)
     points = []
@@ -193,13 +194,13 @@ TYPES = {
 """Message classes of ROS 1 and ROS 2, and the function from one to the other."""
 
 
-def carry(node, source, target, type_name, qos, own_frames):
+def carry(node: Any, source: Any, target: Any, type_name: Any, qos: Any, own_frames: Any) -> None:
     """Subscribes to a topic of ROS 1 and publishes its messages in ROS 2."""
     old, new, convert = TYPES[type_name]
     publisher = node.create_publisher(new, target, PROFILES[qos])
     prefix = f"{source.split('/')[1]}/"
 
-    def receive(message):
+    def receive(message: Any) -> None:
         converted = convert(message)
         if own_frames:
             converted.header.frame_id = converted.header.frame_id.removeprefix(prefix)
@@ -208,7 +209,7 @@ def carry(node, source, target, type_name, qos, own_frames):
     rospy.Subscriber(source, old, receive, queue_size=10, buff_size=2**22, tcp_nodelay=True)
 
 
-def least_time(path):
+def least_time(path: Any) -> Any:
     """Returns the least CPU time of one conversion of a message from bytes to bytes [s]."""
     with open(path, "rb") as file:
         type_name = file.readline().decode().strip()
@@ -227,7 +228,7 @@ def least_time(path):
     return min(times)
 
 
-def main():
+def main() -> None:
     """Entry point."""
     if sys.argv[1] == "convert":
         print(json.dumps(least_time(sys.argv[2])))

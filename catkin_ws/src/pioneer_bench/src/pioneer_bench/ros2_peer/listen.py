@@ -10,6 +10,7 @@ import json
 import struct
 import sys
 import time
+from typing import Any
 
 import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
@@ -28,12 +29,12 @@ PROFILES = {
 class Listener:
     """Counts messages, and measures the latency of the first topic."""
 
-    def __init__(self, node, seconds, topics):
+    def __init__(self, node: Any, seconds: Any, topics: Any) -> None:
         self.seconds = seconds
         self.missing = {topic for topic, _, _ in topics}
         self.complete_at = self.began_at = 0.0
         self.count = 0
-        self.delays = []
+        self.delays: list[float] = []
         self.is_over = False
         for index, (topic, type_name, qos) in enumerate(topics):
             package, _, name = type_name.partition("/")
@@ -42,10 +43,10 @@ class Listener:
                 kind, topic, self.receiver(topic, not index), PROFILES[qos], raw=True
             )
 
-    def receiver(self, topic, is_timed):
+    def receiver(self, topic: Any, is_timed: Any) -> Any:
         """Returns the function that takes a topic's messages."""
 
-        def receive(data):
+        def receive(data: Any) -> None:
             now = time.monotonic()
             self.missing.discard(topic)
             if self.missing or self.is_over:
@@ -65,7 +66,7 @@ class Listener:
 
         return receive
 
-    def finish(self, seconds):
+    def finish(self, seconds: Any) -> None:
         """Prints the result."""
         self.is_over = True
         delays = sorted(self.delays)
@@ -77,7 +78,7 @@ class Listener:
         print(json.dumps(result), flush=True)
 
 
-def main():
+def main() -> None:
     """Entry point."""
     seconds, topics = float(sys.argv[1]), json.loads(sys.argv[2])
     rclpy.init()

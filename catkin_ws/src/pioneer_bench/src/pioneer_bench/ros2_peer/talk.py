@@ -7,7 +7,7 @@ import rclpy
 from geometry_msgs.msg import PoseStamped
 
 
-def main():
+def main() -> None:
     """Entry point."""
     topic, rate = sys.argv[1:]
     rclpy.init()
@@ -15,7 +15,7 @@ def main():
     publisher = node.create_publisher(PoseStamped, topic, 10)
     message = PoseStamped()
 
-    def send():
+    def send() -> None:
         now = time.monotonic_ns()
         message.header.stamp.sec = now // 10**9
         message.header.stamp.nanosec = now % 10**9
