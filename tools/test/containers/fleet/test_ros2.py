@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -97,6 +98,8 @@ def test_a_node_of_ros_2_on_this_machine_sees_five_robots_and_sends_them_to_plac
         peer.end()
 
 
-def test_the_base_station_s_doctor_finds_nothing_wrong_with_the_door(door: Fleet) -> None:
-    said = door.execute("aadiworkstation", "rosrun", "rocon_gateway", "doctor")
-    assert "ros2_door" not in said, said
+def test_the_base_station_s_doctor_finds_the_door_in_order(door: Fleet) -> None:
+    # Its exit status is also of what else it finds on a busy machine.
+    command = "rosrun rocon_gateway doctor; true"
+    said = door.execute("aadiworkstation", "sh", "-c", command)
+    assert re.search(r"door to ROS 2, /ros2_door: (\d+) of \1 states are in order", said), said
