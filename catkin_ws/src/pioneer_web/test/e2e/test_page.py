@@ -164,8 +164,11 @@ def test_why_a_robot_does_not_get_on_is_shown_in_its_own_words(driver, opened, f
     wait_until(lambda: opened.state("pioneer2.row")["trouble"] == reason, "its reason", SOON)
     row = driver.find_element(By.CSS_SELECTOR, '[data-robot="pioneer2"] .bad')
     assert row.text == reason
-    alerts = driver.find_element(By.ID, "alerts")
-    wait_until(lambda: reason in alerts.text, "its alert", SOON)
+    wait_until(
+        lambda: [one["what"] for one in opened.state("alerts") if not one["until"]] == [reason],
+        "its alert",
+        SOON,
+    )
     publish(fleet, topic, kind, "{state: 2, text: driving}")
     wait_until(lambda: not opened.state("pioneer2.row")["trouble"], "that it drives", SOON)
 
