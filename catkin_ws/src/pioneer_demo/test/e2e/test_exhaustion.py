@@ -1,6 +1,6 @@
 """Takes descriptors, processes, disk or output from each process of a fleet of two robots; prints what happens.
 
-It must go on, or end with one line, and the fleet says which. Takes half an hour: ``./pioneer test --soak`` runs it.
+It must keep running, or end with one line, and the fleet says which. Takes half an hour (``./pioneer test --soak``).
 ``PIONEER_FAILURES`` restricts it to processes whose name in the tables matches this regular expression.
 """
 
@@ -176,11 +176,17 @@ class Trials:
     ) -> None:
         fleet = self.fleet
         now, said = fleet.labels(), fleet.said_since(position)
-        goes_on = now.get(label) == pid
-        what = "goes on" if goes_on else "is started again" if label in now else "has ended"
+        keeps_running = now.get(label) == pid
+        what = (
+            "keeps running"
+            if keeps_running
+            else "is started again"
+            if label in now
+            else "has ended"
+        )
         text = "<br>".join(f"`{line[:200]}`" for line in said[:3]) or "nothing"
         say(f"| {label} | {what} | {text} | {busy:.2f} | {after:.0f} |")
-        if not goes_on and not said:
+        if not keeps_running and not said:
             self.wrong.append(f"nothing is said of the end of {label}")
         if tracebacks:
             self.wrong.append(f"{tracebacks} tracebacks in the logs while {label} had too little")
@@ -190,13 +196,13 @@ class Trials:
             self.wrong.append(f"after {label}: {fleet.faults}, {sorted(fleet.all - set(now))}")
 
 
-def test_each_process_with_12_descriptors_left_goes_on_or_its_end_is_said(start, tmp_path):
+def test_each_process_with_12_descriptors_left_keeps_running_or_its_end_is_said(start, tmp_path):
     trials = Trials(start, tmp_path)
     trials.run(resource.RLIMIT_NOFILE)
     assert trials.wrong == []
 
 
-def test_each_process_that_can_start_no_thread_or_process_goes_on_or_its_end_is_said(
+def test_each_process_that_can_start_no_thread_or_process_keeps_running_or_its_end_is_said(
     start, tmp_path
 ):
     """The limit does not hold for root, so the fleet belongs to `nobody`."""
@@ -248,7 +254,7 @@ def drive(fleet: Fleet) -> None:
     "their end in a file on that disk, so that the fleet does not name them",
     strict=False,
 )
-def test_on_a_full_disk_every_process_goes_on(start, small_disk):
+def test_on_a_full_disk_every_process_keeps_running(start, small_disk):
     """Logs, the recording, ROS_HOME and temporary files are on it."""
     home = small_disk / "home"
     home.mkdir()
@@ -279,7 +285,7 @@ def test_on_a_full_disk_every_process_goes_on(start, small_disk):
     assert not [text[-2000:] for text in logs if OURS.search(text)]
 
 
-def test_a_fleet_whose_output_nobody_reads_any_more_goes_on_or_ends_with_all_its_processes(
+def test_a_fleet_whose_output_nobody_reads_any_more_keeps_running_or_ends_with_all_its_processes(
     start, tmp_path
 ):
     """Each process of the fleet that writes a line to the same output meets a pipe without a reader."""

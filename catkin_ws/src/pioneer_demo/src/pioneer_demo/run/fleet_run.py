@@ -330,7 +330,7 @@ class FleetRun:
         self._sampled = time.monotonic()
 
     def _write_entry(self, entry: Entry, status: dict[str, Any]) -> None:
-        """Publishes the status for other commands; on a full disk they see an old one, and the fleet goes on."""
+        """Publishes the status for other commands; on a full disk they see an old one, and the fleet keeps running."""
         try:
             entry.write(status)
         except OSError as error:
