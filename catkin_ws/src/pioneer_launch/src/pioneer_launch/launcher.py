@@ -93,12 +93,11 @@ def _lose_what_cannot_be_written() -> None:
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if isinstance(stream, io.TextIOWrapper):
-            is_direct = name == "stderr" or stream.isatty()
             made = _Output(
                 open(stream.fileno(), "wb", closefd=False),  # noqa: SIM115 - stays open
                 stream.encoding,
                 stream.errors,
-                line_buffering=is_direct or stream.line_buffering,
+                line_buffering=True,  # whoever reads a log file sees each line at once
             )
             stream.flush()
             setattr(sys, name, made)
