@@ -97,7 +97,7 @@ def _lose_what_cannot_be_written() -> None:
                 open(stream.fileno(), "wb", closefd=False),  # noqa: SIM115 - stays open
                 stream.encoding,
                 stream.errors,
-                line_buffering=True,  # whoever reads a log file sees each line at once
+                line_buffering=True,  # a reader of a log file sees each line at once
             )
             stream.flush()
             setattr(sys, name, made)
