@@ -64,10 +64,8 @@ def cache_folder() -> Path:
 def _place(source: Path, target: Path) -> None:
     """Copies a file so that no process ever sees a part of it."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=target.parent)
-    os.close(handle)
-    shutil.copy(source, name)
-    os.replace(name, target)
+    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+        os.replace(shutil.copy(source, folder), target)
 
 
 def _remove_unused(folder: Path) -> None:

@@ -68,6 +68,7 @@ def test_another_checkout_of_the_same_sources_compiles_nothing(tmp_path: Path) -
     done = build(second, tmp_path / "cache", tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert made(second).read_bytes() == made(first).read_bytes()
+    assert list(first.joinpath("out").iterdir()) == [made(first)]
     third = checkout(tmp_path / "third", KERNEL.replace("a + b", "a - b"))
     assert "numba is not needed" in build(third, tmp_path / "cache", tmp_path).stderr
     assert not made(third).exists()
