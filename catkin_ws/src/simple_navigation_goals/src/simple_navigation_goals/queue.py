@@ -124,7 +124,7 @@ class WaypointQueue:
 
     @property
     def held(self) -> bool:
-        """Whether the remaining waypoints wait for a new one, because somebody stopped the robot."""
+        """Whether the remaining waypoints wait for a new one, because of a stop or of `on_abort: stop`."""
         return self._held
 
     def hold(self) -> None:

@@ -39,7 +39,9 @@ class Kept(NamedTuple):
     """What a client that has ended leaves to the next one."""
 
     waypoints: tuple[Waypoint, ...] = ()  #: those that remain, the current one first
-    held: bool = False  #: whether they wait for a new waypoint, because somebody stopped the robot
+    held: bool = (
+        False  #: whether they wait for a new waypoint, because of a stop or of `on_abort: stop`
+    )
 
 
 class QueueFile:

@@ -78,7 +78,9 @@ class Authority:
                 made / CERTIFICATE,
             )
             shutil.copyfile(self._certificate, made / AUTHORITY)
-            # The certificate comes last: where it exists, the rest exists too, even after a kill in between.
+            # The certificate comes last, and a former one goes first: where there is one, the rest fits it, even after
+            # a kill in between.
+            (target / CERTIFICATE).unlink(missing_ok=True)
             for file in (AUTHORITY, KEY, CERTIFICATE):
                 (made / file).replace(target / file)
         return target

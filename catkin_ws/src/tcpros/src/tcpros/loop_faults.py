@@ -22,7 +22,9 @@ EXHAUSTED = (
 
 
 class LoopFaults:
-    """Takes the exceptions of a loop's steps; logs each fault once, with its traceback.
+    """Takes the exceptions of a loop's steps; logs each fault once.
+
+    A bug is logged with its traceback, an error of `EXHAUSTED` in one line.
 
         with faults:
             step()

@@ -20,7 +20,8 @@ def test_a_door_to_ros_2_is_named_with_what_does_not_cross() -> None:
 
 
 def test_each_path_with_a_small_mtu_is_one_finding() -> None:
-    rules = [("robot", "full packets do not arrive"), ("robot", "full packets do not arrive")]
+    limited = "at most 5 Hz; full packets do not arrive"
+    rules = [("robot", limited), ("robot", "full packets do not arrive")]
     (finding,) = diagnosis.of_paths(rules)
     assert finding.level == Level.WARNING
     assert finding.what == "the path to gateway 'robot': full packets do not arrive"

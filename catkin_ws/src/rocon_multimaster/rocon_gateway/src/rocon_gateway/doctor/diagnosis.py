@@ -152,7 +152,7 @@ def of_paths(rules: Iterable[tuple[str, str]]) -> list[Finding]:
     cure = "set that MTU on the devices at both ends of the path, a VPN's first; messages cross meanwhile"
     return [
         Finding(Level.WARNING, f"the path to gateway '{gateway}': {reason}", cure)
-        for gateway, reason in dict.fromkeys(rules)
+        for gateway, reason in dict(rules).items()
     ]
 
 

@@ -167,12 +167,13 @@ class HubSession:
                 raise error
 
     def _receivers(self) -> set[str]:
-        """Returns the names of all gateways to which there are requests, also of those that are not listed."""
+        """Returns the names of all gateways to which there may be requests: listed ones, and others with an inbox."""
+        listed = set(self.client.smembers(GATEWAYS_KEY))
         try:
             inboxes = list(self.client.scan_iter(match=requests_key("*"), count=SCANNED))
         except redis.exceptions.NoPermissionError:  # a hub of an earlier version
-            return set(self.client.smembers(GATEWAYS_KEY))
-        return {key.removeprefix(requests_key("")) for key in inboxes}
+            return listed
+        return listed | {key.removeprefix(requests_key("")) for key in inboxes}
 
     def _tell(
         self, pipe: redis.client.Pipeline, event: str, namespaces: Collection[str] = ()

@@ -19,8 +19,8 @@ def remove_leftovers(master_uri: str, node: str, gateway: str) -> list[str]:
     """Unregisters the dead proxies of earlier gateways of our name; returns their node names, sorted.
 
     Call it before this gateway registers proxies of its own. A proxy is dead if its port refuses connections, or if
-    a node of another name has the port now. The proxies of a gateway that runs or is frozen are left alone, also if
-    it has our name. The search ends after `PATIENCE`.
+    a Python node of another name has the port now: a C++ node does not tell its name. The proxies of a gateway that
+    runs or is frozen are left alone, also if it has our name. The search ends after `PATIENCE`.
 
     Args:
         master_uri: URI of the master.

@@ -8,12 +8,12 @@ import http.client
 import logging
 import socket
 import threading
-import urllib.parse
 from collections.abc import Callable
 
 from rocon_gateway.master.line import MasterError, MasterLine, UnknownError, request, value
 from rocon_relay.connection import is_proxy_uri
 from tcpros.loop_faults import LoopFaults
+from tcpros.xmlrpc_client import host_and_port
 
 TIMEOUT = 2.0
 """How long a node's host may take to answer [s]."""
@@ -52,10 +52,10 @@ class MasterCaller:
 def refuses(uri: str) -> bool:
     """Returns whether the host of a URI answers that nothing listens at its port."""
     try:
-        parts = urllib.parse.urlsplit(uri)
-        if not (parts.hostname and parts.port):
+        host, port = host_and_port(uri)
+        if not (host and port):
             return False
-        socket.create_connection((parts.hostname, parts.port), TIMEOUT).close()
+        socket.create_connection((host, port), TIMEOUT).close()
     except ConnectionRefusedError:
         return True
     except (OSError, ValueError):

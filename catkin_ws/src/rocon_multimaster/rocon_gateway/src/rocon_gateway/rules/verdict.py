@@ -4,7 +4,7 @@ import functools
 from collections.abc import Callable, Collection, Iterable, Mapping
 
 from rocon_gateway.rules.matching import absolute_name, base_name, is_literal, name_matches
-from rocon_gateway.rules.situation import State, Verdict
+from rocon_gateway.rules.situation import WORKING, State, Verdict
 from rocon_gateway.rules.spelling import spelling_of
 from rocon_hub_protocol.rule import LONGEST_NAME, Connection, Kind, RemoteRule, Rule
 from rocon_relay.connection import Import, LinkState, LinkStatus
@@ -98,6 +98,8 @@ def from_link(wanted: Import, links: Mapping[Import, LinkStatus]) -> Verdict:
 def of_action(action: Connection, at: str, said: Iterable[tuple[Kind, Verdict]]) -> Verdict:
     """Returns the verdict on an action from those of its topics: active if all are, else the most relevant one.
 
+    A topic that does not work is more relevant than one that works with a limit.
+
     Args:
         action: the action.
         at: where the other side of the action should be, for the reason text.
@@ -110,7 +112,8 @@ def of_action(action: Connection, at: str, said: Iterable[tuple[Kind, Verdict]])
             wrong.append(Verdict(State.NO_ACTION, f"no server of {action.name} {at}"))
         elif not nobody and one.state != State.ACTIVE:  # a server without clients is fine
             wrong.append(one)
-    return best(wrong, Verdict(State.ACTIVE))
+    broken = [one for one in wrong if str(one.state) not in WORKING]
+    return best(broken or wrong, Verdict(State.ACTIVE))
 
 
 @functools.lru_cache(maxsize=512)
@@ -156,7 +159,7 @@ def for_node(
         others: other subscribing nodes that no flip covers.
     """
     said = judge()
-    if said.state != State.ACTIVE or (listens and not others):
+    if str(said.state) not in WORKING or (listens and not others):
         return said
     reason = (
         f"only for {rule.rule.node}"
@@ -166,7 +169,7 @@ def for_node(
     if others:
         cure = f"rosrun rocon_gateway flip {rule.gateway} {topic} -t subscriber"
         reason += f"; here it is also subscribed by {', '.join(others)}, {UNCOVERED} '{cure}'"
-    return Verdict(said.state, reason)
+    return Verdict(said.state, "; ".join(filter(None, (said.reason, reason))))
 
 
 def no_publisher(topic: str, local: Iterable[Connection]) -> Verdict:
