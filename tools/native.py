@@ -145,6 +145,9 @@ def _teleop(options: argparse.Namespace) -> int:
         options.computer, options.command = options.robot.replace("pioneer", "aadi"), command
         return execute_on(options)
     having = [fleet for fleet in fleets if options.robot in _masters(fleet)]
+    if fleets and not having:
+        known = sorted({robot for fleet in fleets for robot in _masters(fleet)})
+        raise ContainerError(f"no robot '{options.robot}'; there are {', '.join(known)}")
     is_clear = options.fleet is None and len(having) == 1
     masters = _masters(having[0] if is_clear else _chosen(fleets, options.fleet))
     if options.robot not in masters:

@@ -235,11 +235,13 @@ make_venv() {
 
 # pip_install SECTION...: installs these sections of requirements.txt into the Python environment.
 pip_install() {
-  local list again=()
-  list=$(mktemp)
-  requirements_of "$@" >"$list"
+  local list again=() listed
   [[ ! -f $installing ]] || again=(--ignore-installed)
-  touch "$installing"
+  # Also those that a killed pip was about to install, whichever sections this call is for.
+  printf '%s\n' "$@" >>"$installing"
+  mapfile -t listed < <(sort -u "$installing")
+  list=$(mktemp)
+  requirements_of "${listed[@]}" >"$list"
   # --no-deps: the requirements list is complete, and Debian's numpy must not be shadowed.
   # PyPI has no wheel of pybullet for Debian 13's Python 3.13: pip compiles it, and GCC 14 rejects its C otherwise.
   CFLAGS="${CFLAGS:-} -Wno-incompatible-pointer-types" \
@@ -313,7 +315,10 @@ make_and_compile() {
   local failed=0
   [[ ! -f $building ]] || rm -rf "$workspace/build" "$workspace/devel"
   touch "$building"
+  # make removes what it had half done when it is asked to end; a kill leaves it.
+  trap 'rm -f "$building"; exit 143' TERM
   make_workspace || failed=$?
+  trap - TERM
   rm -f "$building"
   ((failed == 0)) || return "$failed"
   "$venv/bin/python3" -m compileall -q -j0 "$workspace/src" "$workspace/devel/lib/python3/dist-packages"

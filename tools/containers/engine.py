@@ -9,7 +9,7 @@ import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 DOCKER = ("docker",)
 """The command that controls this machine's engine."""
@@ -131,15 +131,21 @@ class Project:
         if self.lock is None:
             yield
             return
-        self.lock.parent.mkdir(parents=True, exist_ok=True)
-        with self.lock.open("w") as file:
+        with self._opened_lock(self.lock) as file:
             os.set_inheritable(file.fileno(), True)
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                say("waiting for another call that changes this fleet …")
+                say(f"waiting for another call that changes this fleet (fuser {self.lock}) …")
                 fcntl.flock(file, fcntl.LOCK_EX)
             yield
+
+    def _opened_lock(self, path: Path) -> IO[str]:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            return path.open("w")
+        except OSError as error:
+            raise ContainerError(f"cannot write {path}: {error.strerror}") from None
 
     def _compose(self, *arguments: str) -> None:
         command = [*self.compose, "-p", self.name, "-f", str(self.file), *arguments]

@@ -245,10 +245,13 @@ def _ensure_wheels() -> None:
     if not missing:
         return
     pip = _pip(missing)
+    WHEELS.mkdir(exist_ok=True)
+    for left in WHEELS.glob(".wheel-*"):
+        shutil.rmtree(left)
     for one in missing:
         say(f"fetching {one}")
         # A command that is killed while it writes a wheel must not leave half of it among the whole ones.
-        with tempfile.TemporaryDirectory(dir=LOG.parent, prefix="wheel-") as folder:
+        with tempfile.TemporaryDirectory(dir=WHEELS, prefix=".wheel-") as folder:
             try:
                 run_step([*pip, "download", *_CHOICE, "-d", folder, one])
             except ContainerError:

@@ -70,8 +70,9 @@ def up(options: Namespace) -> int:
             _await_extra(next(one for one in computers if one.name == BASE), extra)
         say(_address(extra, subnet(options.project)))
     if plan.base:
-        with_ros2 = not swarm and project(options.project).runs(ROS2)
-        _join(plan.base, plan.joiners(computers), with_ros2)
+        joiners = plan.joiners(computers)
+        with_ros2 = bool(joiners) and not swarm and project(options.project).runs(ROS2)
+        _join(plan.base, joiners, with_ros2)
     if plan.idle:
         _say_idle(plan, computers)
         return 0

@@ -153,7 +153,7 @@ chmod +x $venv/bin/pip
 touch $root/requirements.txt $root/kill
 (pip_install web) || true
 rm $root/kill
-pip_install web
+pip_install study
 pip_install web
 """
 
