@@ -20,10 +20,10 @@ def _open_standard_streams() -> None:
 
 
 if __name__ == "__main__":
-    interrupt = (
-        Interrupt()
-    )  # first, so that Ctrl-C during the imports below also ends the command cleanly
+    # Before anything opens a file: it would get the number of a closed stream.
     _open_standard_streams()
+    # Before the imports below, so that Ctrl-C during them also ends the command cleanly.
+    interrupt = Interrupt()
     # A line that rospy cannot write, as on a full disk, costs that line; each would print a stack of calls.
     logging.raiseExceptions = False
     if sys.argv[1:2] == ["experiment"]:

@@ -66,6 +66,11 @@ def test_the_right_of_way_says_first_why_a_robot_does_not_get_on() -> None:
     assert state_of(DRIVING, {"move_base": BLOCKED, "traffic": driving}) == BLOCKED
 
 
+def test_a_robot_that_is_driven_by_hand_is_said_to_be() -> None:
+    manual = State(Activity.MANUAL, "driven by hand")
+    assert state_of(queue(ClientState.IDLE), {"move_base": manual}) == manual
+
+
 def test_what_a_robot_waits_for_at_the_start_is_said() -> None:
     starting = {"move_base": State(Activity.STARTING, "starting: waiting for the map")}
     assert state_of(queue(ClientState.WAITING_FOR_MOVE_BASE), starting).text == (

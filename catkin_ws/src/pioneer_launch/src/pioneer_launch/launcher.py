@@ -99,7 +99,8 @@ def _lose_what_cannot_be_written() -> None:
                 stream.errors,
                 line_buffering=True,  # a reader of a log file sees each line at once
             )
-            stream.flush()
+            with contextlib.suppress(OSError):
+                stream.flush()
             setattr(sys, name, made)
 
 

@@ -28,14 +28,14 @@ def mark() -> str:
 
 
 def leftovers() -> list[int]:
-    """Returns the processes, started by this user's commands on this machine, whose command no longer exists."""
-    states = process_states()
+    """Returns the processes of commands that no longer exist: of this user, or of all users for root."""
+    states, namespace = process_states(), _namespace()
     living = {_mark(state) for state in states.values() if state.alive}
     found = []
     for state in states.values():
         value = variable(state.pid, VARIABLE) if state.alive else ""
         # Process ids of another namespace, such as a container's, mean nothing here.
-        if value.startswith(_namespace()) and value not in living:
+        if value.startswith(namespace) and value not in living:
             found.append(state.pid)
     return found
 

@@ -134,9 +134,7 @@ def _robot(robot: RobotTrack, port: int, now: float) -> dict[str, Any]:
         "robot": robot.name,
         "master": master_uri(port),
         **robot.monitor.robot_json(now),
-        "activity": robot.state.activity.name.lower(),
-        "state": robot.state.text,
-        "trouble": robot.state.trouble,
+        **robot.state.as_json(),
         "localisation_error": _known(robot.error),
         "collisions": robot.collisions,
     }

@@ -1,5 +1,6 @@
 """Runs a fleet: waits for start-up, monitors it, publishes its state for ``./pioneer status``, and ends it."""
 
+import contextlib
 import functools
 import os
 import sys
@@ -226,7 +227,9 @@ class FleetRun:
                 f"{reason}; {robot}'s computer is started again and resumes its waypoints"
             )
             with self.lock:
-                self.fleet.robots[self._config.names.index(robot)].monitor.queue = None
+                monitor = self.fleet.robots[self._config.names.index(robot)].monitor
+                monitor.queue = None
+                monitor.said.clear()
         if name not in WATCHERS:
             self.processes.kill_computer(together)
         self.processes.restart(together)
@@ -334,9 +337,14 @@ class FleetRun:
         try:
             entry.write(status)
         except OSError as error:
-            if not self._entry_fails:
-                print(f"./pioneer status sees an old state of this fleet: {error}", file=sys.stderr)
-            self._entry_fails = True
+            is_new, self._entry_fails = not self._entry_fails, True
+            if is_new:
+                # The output may be on the same full disk.
+                with contextlib.suppress(OSError):
+                    print(
+                        f"./pioneer status sees an old state of this fleet: {error}",
+                        file=sys.stderr,
+                    )
         else:
             self._entry_fails = False
 

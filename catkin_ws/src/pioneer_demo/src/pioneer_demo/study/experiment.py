@@ -1,6 +1,7 @@
 """``./pioneer experiment``: executes a study's missing runs and writes the report of all runs."""
 
 import dataclasses
+import functools
 import json
 import os
 import shlex
@@ -17,6 +18,7 @@ import yaml
 from pioneer_demo.console.interrupt import Interrupt, Interrupted
 from pioneer_demo.console.output_folder import FolderLock
 from pioneer_demo.error import DemoError, FolderInUseError, OptionError
+from pioneer_demo.processes.leftover import await_leftovers
 from pioneer_demo.scenario.option import Machine
 from pioneer_demo.scenario.scenario import Scenario
 from pioneer_demo.scenario.scenario_file import digests, scenario_of, scenario_path
@@ -118,6 +120,7 @@ def _run(
         raise OptionError(f"--output: {error}") from None
     with lock:
         (folder / "runs").mkdir(exist_ok=True)
+        await_leftovers(functools.partial(print, flush=True), interrupt.check)
         _remove_scratch(folder)
         _check_same(folder / "study.json", texts, study.program, digests(scenarios.values()))
         paths = {run: folder / "runs" / f"{run.name}.json" for run in study.all_runs()}
@@ -212,7 +215,7 @@ def _check_same(
 
 
 def _remove_scratch(folder: Path) -> None:
-    """Removes what a killed call has left; nobody else uses the folder, since it is locked."""
+    """Removes what a killed call has left; nobody else uses the folder, since it is locked and its processes ended."""
     for left in folder.glob(f"{_SCRATCH}*"):
         shutil.rmtree(left, ignore_errors=True)
 

@@ -58,15 +58,12 @@ class RobotMonitor:
     def robot_json(self, now: float) -> dict[str, Any]:
         """Returns the robot's part of a report for ``json.dumps``, with ages [s] for times; ``now`` is monotonic."""
         queue = self.queue or Queue(ClientState.IDLE, 0, 0, 0, "")
-        state = self.state
         return {
             "odom_age": _age(self.odom_at, now),
             "odom_gap": round(self.odom_gap, 2),
             "scan_age": _age(self.scan_at, now),
             "scan_gap": round(self.scan_gap, 2),
-            "activity": state.activity.name.lower(),
-            "state": state.text,
-            "trouble": state.trouble,
+            **self.state.as_json(),
             "moving": self.moving,
             "speed": round(self.linear, 2) + 0.0,  # no -0.0
             "pose": None if self.pose is None else [round(value, 3) for value in self.pose],

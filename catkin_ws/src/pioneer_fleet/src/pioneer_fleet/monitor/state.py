@@ -53,6 +53,14 @@ class State(NamedTuple):
         """Why the robot does not get on; empty if it does, or has nothing to do."""
         return self.text if self.activity in _TROUBLES else ""
 
+    def as_json(self) -> dict[str, str]:
+        """Returns its part of a report for ``json.dumps``."""
+        return {
+            "activity": self.activity.name.lower(),
+            "state": self.text,
+            "trouble": self.trouble,
+        }
+
 
 _OF_CLIENT = {
     ClientState.IDLE: State(Activity.IDLE, "idle"),
@@ -79,7 +87,7 @@ def state_of(queue: Queue | None, said: Mapping[str, State]) -> State:
         server = RIGHT_OF_WAY if RIGHT_OF_WAY in said else MOVE_BASE
         return State(Activity.STARTING, f"waiting for {server}")
     for state in by_rank:
-        if state.trouble:
+        if state.trouble or state.activity is Activity.MANUAL:
             return state
     if queue is None:
         return State(Activity.STARTING, "waiting for the waypoint client")
