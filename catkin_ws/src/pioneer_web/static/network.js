@@ -1,4 +1,4 @@
-// The gateways with their links, and the rules that carry nothing.
+// The gateways with their links, and the rules that need attention.
 
 import { colourOf, escaped, rowOf, values } from "./model.js";
 

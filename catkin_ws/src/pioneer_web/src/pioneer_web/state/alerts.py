@@ -1,7 +1,9 @@
 """What has been wrong with the robots: since when, and until when."""
 
+import re
 from typing import NamedTuple
 
+_NUMBER = re.compile(r"(?<![\w.])-?\d+(\.\d+)?")
 MOST = 200
 """Maximum number of alerts kept; the oldest are dropped."""
 
@@ -33,14 +35,18 @@ class Alerts:
     def update(self, robot: str, fault: str, now: float) -> None:
         """Records that a robot has this fault now (seconds since 1970), none if it is empty.
 
-        Ages in the words of a fault do not make it another one.
+        Ages and places in the words of a fault do not make it another one; its words are renewed.
         """
         lasting = self._lasting.get(robot)
         if lasting is None and not fault:
             return
         if lasting is not None:
             alert = self._alerts[lasting]
+            if fault == alert.what:
+                return
             if fault and _without_numbers(alert.what) == _without_numbers(fault):
+                self._alerts[lasting] = alert._replace(what=fault)
+                self._values = [each.values() for each in self._alerts.values()]
                 return
             self._alerts[lasting] = alert._replace(until=now)
             del self._lasting[robot]
@@ -66,4 +72,5 @@ class Alerts:
 
 
 def _without_numbers(text: str) -> str:
-    return "".join(character for character in text if not character.isdigit())
+    """Returns a text without ages and coordinates; numbers in names such as pioneer2 stay."""
+    return _NUMBER.sub("", text)
