@@ -26,7 +26,8 @@ _DISCOVERY = (
     "ROS_STATIC_PEERS",
     "CYCLONEDDS_URI",
 )
-_FIRST_DOMAIN, _DOMAINS = 100, 100
+_FIRST_DOMAIN, _DOMAINS = 2, 98
+"""From 130 on, the ports of a domain are among those that the kernel gives to any socket."""
 
 
 class DoorSite:
