@@ -439,8 +439,12 @@ def test_an_api_call_longer_than_the_loops_buffer_is_answered(quick: NodeContext
     values = []
     node.watch("/tree", values.append)
     tree = {f"key{number}": "x" * 1000 for number in range(500)}
+    registered = threading.Event()
+    node.when_registered(registered.set)
 
     def work() -> None:
+        # The test's master does not know the tree: its answer, asked for again after an early update, would come last.
+        assert registered.wait(HANGS), "the master has not answered"
         with xmlrpc.client.ServerProxy(node.uri) as slave:
             for _ in range(2):
                 slave.paramUpdate("/master", "/tree", tree)
