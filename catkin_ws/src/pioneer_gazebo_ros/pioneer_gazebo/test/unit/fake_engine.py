@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from pioneer_gazebo.body.body import Body
-from pioneer_gazebo.physics.engine import STILL, Contact, EngineError, Physics, Velocity
+from pioneer_gazebo.physics.engine import STILL, Contact, EngineError, JointReading, Physics, Velocity
 from pioneer_gazebo.world.model import PlacedCollision
-from pioneer_gazebo.world.pose import Pose, Vector
+from pioneer_gazebo.world.pose import Pose, Vector, rotated
 
 
 @dataclass(slots=True)
@@ -93,6 +93,11 @@ class FakeEngine:
         del part
         return self._bodies[handle].velocity
 
+    def centre_velocity(self, handle: int) -> Velocity:
+        body = self._bodies[handle]
+        centre = body.body.parts[0].inertia.pose.position
+        return body.velocity.at(rotated(body.pose.rotation, centre))
+
     def set_pose(self, handle: int, pose: Pose) -> None:
         self._bodies[handle].pose = pose
 
@@ -102,7 +107,7 @@ class FakeEngine:
     def lead(self, handle: int, pose: Pose, velocity: Velocity) -> None:
         self._bodies[handle].pose, self._bodies[handle].velocity = pose, velocity
 
-    def joints(self, handle: int, parts: Sequence[int]) -> list[tuple[float, float]]:
+    def joints(self, handle: int, parts: Sequence[int]) -> list[JointReading]:
         body = self._bodies[handle]
         return [(body.angles.get(part, 0.0), body.speeds.get(part, 0.0)) for part in parts]
 

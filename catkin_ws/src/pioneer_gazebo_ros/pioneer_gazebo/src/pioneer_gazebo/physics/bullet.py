@@ -16,7 +16,7 @@ from pioneer_gazebo.physics.bullet_shape import (
     carriers,
     standing_body,
 )
-from pioneer_gazebo.physics.engine import Contact, EngineError, Physics, Velocity
+from pioneer_gazebo.physics.engine import Contact, EngineError, JointReading, Physics, Velocity
 from pioneer_gazebo.physics.quiet_pybullet import pybullet
 from pioneer_gazebo.world.model import PlacedCollision
 from pioneer_gazebo.world.pose import Pose, Vector, opposite, rotated
@@ -174,6 +174,9 @@ class BulletEngine:
             rotated(rotation, self._made[handle].centres[part].position)
         )
 
+    def centre_velocity(self, handle: int) -> Velocity:
+        return Velocity(*pybullet.getBaseVelocity(handle, physicsClientId=self._client))
+
     def set_pose(self, handle: int, pose: Pose) -> None:
         self._wake(handle)
         velocity = pybullet.getBaseVelocity(handle, physicsClientId=self._client)
@@ -202,7 +205,7 @@ class BulletEngine:
             handle, (x, y, z), velocity.angular, physicsClientId=self._client
         )
 
-    def joints(self, handle: int, parts: Sequence[int]) -> list[tuple[float, float]]:
+    def joints(self, handle: int, parts: Sequence[int]) -> list[JointReading]:
         if not parts:
             return []
         states = pybullet.getJointStates(

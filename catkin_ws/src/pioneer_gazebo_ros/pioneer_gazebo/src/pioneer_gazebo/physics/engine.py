@@ -56,6 +56,10 @@ class Physics:
     gravity: Vector = (0.0, 0.0, -9.81)  #: [m/s²]
 
 
+JointReading = tuple[float, float]
+"""Position [rad or m] and speed [rad/s or m/s] of a joint."""
+
+
 class Engine(Protocol):
     """A world of static shapes and moving bodies. Used from one thread."""
 
@@ -90,6 +94,9 @@ class Engine(Protocol):
     def velocity(self, handle: int, part: int = 0) -> Velocity:
         """Returns the velocity of a part's frame."""
 
+    def centre_velocity(self, handle: int) -> Velocity:
+        """Returns the velocity of the base's centre of mass, which costs less than that of its frame."""
+
     def set_pose(self, handle: int, pose: Pose) -> None:
         """Moves the base frame, and the whole body with it; velocities are kept. Wakes those beside it and on it."""
 
@@ -99,8 +106,8 @@ class Engine(Protocol):
     def lead(self, handle: int, pose: Pose, velocity: Velocity) -> None:
         """Sets a scripted body's pose, and its velocity during the next step."""
 
-    def joints(self, handle: int, parts: Sequence[int]) -> list[tuple[float, float]]:
-        """Returns position and speed of the joints that move ``parts`` [rad or m, and per second]."""
+    def joints(self, handle: int, parts: Sequence[int]) -> list[JointReading]:
+        """Returns the states of the joints that move ``parts``."""
 
     def efforts(self, handle: int, parts: Sequence[int]) -> list[float]:
         """Returns the efforts applied in the last step by the motors of the joints that move ``parts`` [N m or N]."""

@@ -1,12 +1,13 @@
 """A moving entity of the simulated world: a robot or a dynamic model."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from pioneer_gazebo.body.body import Body
 from pioneer_gazebo.laser.laser import Laser, laser_of_sonar
 from pioneer_gazebo.noise import Noise
-from pioneer_gazebo.physics.engine import STILL, Engine, Velocity
+from pioneer_gazebo.physics.engine import STILL, Engine, JointReading, Velocity
 from pioneer_gazebo.simulation.command import CommandQueue, Moment
 from pioneer_gazebo.simulation.drive import Drive, Odometry, check_motion
 from pioneer_gazebo.world.model import Script
@@ -73,10 +74,10 @@ class Driven:
         for speed, turn in self.commands.take(now):
             self.drive.command(speed, turn)
 
-    def moved_joint(self, engine: Engine, part: int) -> None:
+    def moved_joint(self, part: int, joints: Sequence[JointReading]) -> None:
         """Takes note that the joint of a part was set to a position, which is no motion of its wheel."""
         if part in self.parts:
-            self.drive.set_angles(*self.angles(engine))
+            self.drive.set_angles(*self.angles(joints))
 
     def turn(self, engine: Engine, speeds: tuple[float, float]) -> None:
         """Sets the speeds of the left and the right wheels [rad/s]."""
@@ -84,12 +85,15 @@ class Driven:
         each = (speeds[0],) * side + (speeds[1],) * side
         engine.turn(self.handle, self.parts, each, (self.torque,) * len(self.parts))
 
-    def angles(self, engine: Engine) -> tuple[float, float]:
-        """Returns the mean rotation of the left and of the right wheels [rad]."""
-        states = engine.joints(self.handle, self.parts)
-        if len(states) == 2:
-            return states[0][0], states[1][0]
-        turned = [angle for angle, _ in states]
+    def angles(self, joints: Sequence[JointReading]) -> tuple[float, float]:
+        """Returns the mean rotation of the left and of the right wheels [rad].
+
+        Args:
+            joints: the joint of each part of the body but the base.
+        """
+        turned = [joints[part - 1][0] for part in self.parts]
+        if len(turned) == 2:
+            return turned[0], turned[1]
         side = len(turned) // 2
         return sum(turned[:side]) / side, sum(turned[side:]) / side
 
@@ -152,8 +156,13 @@ class Earlier:
     """What the engine reported about a body before a step."""
 
     tick: int  #: at which the step began
-    velocity: Velocity  #: of the base frame
-    rates: list[float]  #: of the joint of each part but the base [rad/s or m/s]
+    velocity: Velocity  #: of the base's centre of mass
+    joints: Sequence[JointReading]  #: the joint of each part but the base
+
+    def rate(self, part: int) -> float:
+        """Returns the speed of the joint that moves a part [rad/s or m/s]."""
+        _, rate = self.joints[part - 1]
+        return rate
 
 
 _NEED_MOTION = (Imu, Gps, GroundTruth, PlanarMove, JointStatePublisher, BaseDriver)
@@ -198,6 +207,8 @@ class Entity:
     )
     after: Pose = IDENTITY  #: pose at tick `seen`
     seen: int = 0  #: tick at which `after` was read
+    joints: Sequence[JointReading] = ()  #: at tick `joints_seen`: of each part but the base
+    joints_seen: int = -1  #: tick at which `joints` were read; -1 if they must be read again
     earlier: Earlier | None = None  #: velocities before the last step, if a device may need them
     needs_motion: bool = False  #: whether its devices read velocities, joints or other links
     needs_acceleration: bool = False  #: whether it has an inertial unit

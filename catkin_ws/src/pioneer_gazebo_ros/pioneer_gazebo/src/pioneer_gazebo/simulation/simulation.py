@@ -16,7 +16,7 @@ from pioneer_gazebo.body.body import Body, body_from_model, body_from_robot
 from pioneer_gazebo.error import ModelError, SimulatorError
 from pioneer_gazebo.noise import Noise
 from pioneer_gazebo.physics import bound
-from pioneer_gazebo.physics.engine import STILL, Contact, Engine, Physics, Velocity
+from pioneer_gazebo.physics.engine import STILL, Contact, Engine, JointReading, Physics, Velocity
 from pioneer_gazebo.simulation.actor import Actors, Wrench, Wrenches
 from pioneer_gazebo.simulation.command import Moment
 from pioneer_gazebo.simulation.drive import Odometry
@@ -42,7 +42,7 @@ from pioneer_gazebo.simulation.schedule import TICK_RATE, period_of
 from pioneer_gazebo.simulation.spot import added
 from pioneer_gazebo.simulation.standing import Standing
 from pioneer_gazebo.world.model import Model, World
-from pioneer_gazebo.world.pose import Pose, Vector, between, rotated
+from pioneer_gazebo.world.pose import Pose, Vector, between, opposite, rotated
 from pioneer_gazebo.world.robot import Device, Robot
 from pioneer_gazebo.world.section import Triangles
 
@@ -57,6 +57,12 @@ def _collected(lines: list[str]) -> Iterator[None]:
         yield
     except SimulatorError as error:
         lines.append(f"{error}; the model is left out")
+
+
+def _base_velocity(entity: Entity, earlier: Earlier) -> Velocity:
+    """Returns the velocity of the base frame before the last step."""
+    centre = entity.body.parts[0].inertia.pose.position
+    return earlier.velocity.at(opposite(rotated(entity.before.rotation, centre)))
 
 
 class Simulation:
@@ -279,11 +285,10 @@ class Simulation:
             if between or entity.needs_acceleration:
                 entity.before = self._settled(entity)
             if entity.needs_acceleration or (between and entity.needs_motion):
-                joints = self._engine.joints(entity.handle, range(1, len(entity.body.parts)))
                 entity.earlier = Earlier(
                     tick=self._stepped,
-                    velocity=self._engine.velocity(entity.handle),
-                    rates=[rate for _, rate in joints],
+                    velocity=self._engine.centre_velocity(entity.handle),
+                    joints=self._joints(entity),
                 )
 
     def _step(self) -> None:
@@ -299,7 +304,7 @@ class Simulation:
         for entity in self._entities.values():
             for driven in entity.drives:
                 driven.before = driven.drive.odometry
-                driven.drive.measure(*driven.angles(self._engine), step)
+                driven.drive.measure(*driven.angles(self._joints(entity)), step)
         self._actors.follow(self._stepped)
         time = self._stepped / TICK_RATE
         for handle in sorted(self._engine.touching()):
@@ -324,6 +329,13 @@ class Simulation:
                 self._lost[entity.name] = pose
             entity.seen = self._stepped
         return entity.after
+
+    def _joints(self, entity: Entity) -> Sequence[JointReading]:
+        """Returns the joint of each part but the base after the last step, querying the engine once per step."""
+        if entity.joints_seen != self._stepped:
+            entity.joints = self._engine.joints(entity.handle, range(1, len(entity.body.parts)))
+            entity.joints_seen = self._stepped
+        return entity.joints
 
     def lost(self) -> list[str]:
         """Returns the names of models that have left the world's bounds or whose state is not finite."""
@@ -372,7 +384,7 @@ class Simulation:
         velocity = self._engine.velocity(entity.handle)
         earlier = self._earlier(entity)
         if earlier is not None:
-            velocity = interpolated(earlier.velocity, velocity, self._part)
+            velocity = interpolated(_base_velocity(entity, earlier), velocity, self._part)
         chain = chain_to(entity.body, part)
         joints = self.joints(entity, chain)
         return part_motion(entity.body, chain, Motion(self.pose(entity), velocity), joints)
@@ -397,14 +409,15 @@ class Simulation:
         if earlier is None:
             return (0.0, 0.0, 0.0)
         chain = chain_to(entity.body, part)
-        now = [JointState(*state) for state in self._engine.joints(entity.handle, chain)]
+        joints = self._joints(entity)
+        now = [JointState(*joints[number - 1]) for number in chain]
         seconds = self._span / TICK_RATE
         then = [
-            JointState(state.position - seconds * state.rate, earlier.rates[number - 1])
+            JointState(state.position - seconds * state.rate, earlier.rate(number))
             for number, state in zip(chain, now, strict=True)
         ]
         base = Motion(self._settled(entity), self._engine.velocity(entity.handle))
-        base_then = Motion(entity.before, earlier.velocity)
+        base_then = Motion(entity.before, _base_velocity(entity, earlier))
         speeds = []
         for motion in (
             part_motion(entity.body, chain, base_then, then),
@@ -422,7 +435,8 @@ class Simulation:
 
     def joints(self, entity: Entity, parts: Sequence[int]) -> list[JointState]:
         """Returns the states of the joints that move ``parts``."""
-        states = [JointState(*state) for state in self._engine.joints(entity.handle, parts)]
+        joints = self._joints(entity)
+        states = [JointState(*joints[part - 1]) for part in parts]
         if self._part >= 1.0:
             return states
         # A step moves a joint by its speed after the step.
@@ -431,7 +445,7 @@ class Simulation:
         rates = [state.rate for state in states]
         earlier = self._earlier(entity)
         if earlier is not None:
-            befores = [earlier.rates[part - 1] for part in parts]
+            befores = [earlier.rate(part) for part in parts]
             rates = [
                 before + self._part * (rate - before)
                 for before, rate in zip(befores, rates, strict=True)
@@ -511,8 +525,9 @@ class Simulation:
         part = entity.body.joint_index(joint)
         self._engine.set_joint(entity.handle, part, position)
         entity.earlier = None
+        entity.joints_seen = -1
         for driven in entity.drives:
-            driven.moved_joint(self._engine, part)
+            driven.moved_joint(part, self._joints(entity))
         self._scene.outdate()
 
     def push(self, wrench: Wrench) -> None:
@@ -536,6 +551,7 @@ class Simulation:
             for part, one in enumerate(entity.body.parts):
                 if one.joint is not None:
                     self._engine.set_joint(entity.handle, part, 0.0)
+            entity.joints_seen = -1
             for driven in entity.drives:
                 driven.reset()
                 driven.turn(self._engine, (0.0, 0.0))
@@ -551,6 +567,7 @@ class Simulation:
         self._collided.clear()
         for entity in self._entities.values():
             entity.seen = 0
+            entity.joints_seen = -1
             entity.earlier = None
             entity.collisions = CollisionCounter()
         # Last: a thread that reads the new epoch reads the new time, too.
