@@ -49,6 +49,7 @@ from pioneer_traffic.event import (
     StretchEnded,
 )
 from pioneer_traffic.goal_server import GoalServer
+from pioneer_traffic.kept_hold import KeptHold
 from pioneer_traffic.msg import Report as ReportMessage
 from pioneer_traffic.pilot import Pilot
 from pioneer_traffic.roadmap import FreeSpace, Roadmap, roadmap_from_space
@@ -86,7 +87,7 @@ class CoordinatorNode:
 
     Actions served: ``traffic`` (move_base_msgs/MoveBaseAction). Called: ``move_base``.
 
-    Parameters: ``CoordinatorNodeConfig``.
+    Parameters: ``CoordinatorNodeConfig``; ``traffic/held`` keeps why the robot is held, for the node's next start.
 
     Threads: callbacks only store events and wake ``spin`` (in lockstep ``step``), which does all the work.
 
@@ -107,7 +108,8 @@ class CoordinatorNode:
         self._events: queue.SimpleQueue[Event | _GoalArrived | ReportMessage] = queue.SimpleQueue()
         self._kept: list[Event] = []  # events that arrived before the first period of a lockstep
         self._wake = threading.Event()
-        self._pilot = Pilot(self._robot, config, self._fleet)
+        self._hold = KeptHold()
+        self._pilot = Pilot(self._robot, config, self._fleet, self._hold.reason)
         self._roadmap: Roadmap | None = None
         self._reporting: set[str] = set()
         self._stepped_at = -math.inf
@@ -216,6 +218,7 @@ class CoordinatorNode:
         )
         for action in self._pilot.step(events, inputs, now):
             self._do(action)
+        self._hold.keep(self._pilot.held)
         self._show(self._pilot.status)
 
     def _show(self, status: Status) -> None:

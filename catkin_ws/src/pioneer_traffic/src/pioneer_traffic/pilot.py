@@ -94,9 +94,12 @@ class Pilot:
         name: of the robot.
         config: the same for all robots.
         expected: names of the other robots, as far as known.
+        held: why the robot stays until its first goal; empty if it does not.
     """
 
-    def __init__(self, name: str, config: PilotConfig, expected: Iterable[str] = ()) -> None:
+    def __init__(
+        self, name: str, config: PilotConfig, expected: Iterable[str] = (), held: str = ""
+    ) -> None:
         self._name = name
         self._config = config
         self._expected = tuple(expected)
@@ -111,7 +114,7 @@ class Pilot:
         self._actions: list[Action] = []
         self._failure = ""  # why the last goal was aborted
         self._inputs: Inputs | None = None  # of the last step
-        self.held = ""  #: why the robot stays until the next goal; empty if it does not
+        self.held = held  #: why the robot stays until the next goal; empty if it does not
 
     @property
     def has_goal(self) -> bool:

@@ -254,6 +254,15 @@ class StopTest(unittest.TestCase):
             self.clear.publish(Empty())
             self.start_coordinator()
 
+    def test_a_robot_that_was_stopped_stays_when_its_coordinator_is_started_again(self) -> None:
+        self.expect_stop(self.drive(), lambda: self.cancels["traffic"].publish(GoalID()))
+        reason = self.state.text
+        os.kill(self.coordinator, signal.SIGKILL)
+        type(self).state = NavigationState()
+        self.start_coordinator()
+        wait_until(self.is_held, "the hold of the coordinator before", 5.0)
+        assert self.state.text == reason
+
 
 if __name__ == "__main__":
     rospy.init_node("stop_test")

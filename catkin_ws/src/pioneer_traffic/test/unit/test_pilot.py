@@ -210,6 +210,21 @@ def test_a_held_robot_takes_no_part_until_its_next_goal() -> None:
     assert robot.finished[-1].outcome is Outcome.REACHED
 
 
+def test_a_pilot_that_starts_held_takes_no_part_until_its_first_goal() -> None:
+    """The pilot before it, which was killed, had been stopped."""
+    robot = Robot()
+    robot.pilot = Pilot("a", robot.config, held="cancelled by /rviz")
+    robot.step(NewRoadmap(ROW))
+    robot.run(1.0)
+    assert robot.reports[-1].held == ()
+    assert (
+        robot.pilot.status.text() == "held: cancelled by /rviz: the robot stays until the next goal"
+    )
+    robot.step(NewGoal((8.0, 0.0)))
+    robot.run(30.0)
+    assert robot.finished[-1].outcome is Outcome.REACHED
+
+
 def test_a_new_map_keeps_the_goal() -> None:
     """The goal used to stay active for ever, and the robot stood."""
     robot = driving_robot()

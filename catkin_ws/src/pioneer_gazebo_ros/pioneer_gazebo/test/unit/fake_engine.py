@@ -8,7 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from pioneer_gazebo.body.body import Body
-from pioneer_gazebo.physics.engine import STILL, Contact, EngineError, JointReading, Physics, Velocity
+from pioneer_gazebo.physics.engine import (
+    STILL,
+    Contact,
+    EngineError,
+    JointReading,
+    Physics,
+    Velocity,
+)
 from pioneer_gazebo.world.model import PlacedCollision
 from pioneer_gazebo.world.pose import Pose, Vector, rotated
 
