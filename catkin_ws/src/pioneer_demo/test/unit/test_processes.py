@@ -1,6 +1,8 @@
 """Which node deaths end a fleet."""
 
+import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -126,3 +128,15 @@ def test_a_node_that_keeps_dying_ends_a_fleet_that_is_still_starting(tmp_path: P
         pytest.raises(ProcessDiedError, match="pioneer1/amcl keeps dying"),
     ):
         running.check(starting=True)
+
+
+def test_a_full_disk_is_a_fault_while_it_is_full(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with fleet(tmp_path, FleetConfig(log=tmp_path)) as running:
+        assert running.faults() == []
+        monkeypatch.setattr(shutil, "disk_usage", lambda _folder: SimpleNamespace(free=4096))
+        (fault,) = running.faults()
+        assert fault == f"the disk with {tmp_path} is full: log lines and recordings are lost"
+        monkeypatch.undo()
+        assert running.faults() == []

@@ -5,7 +5,7 @@ from typing import Any, Protocol
 
 from pioneer_launch import launcher, patch
 from pioneer_launch.fork_server import lent_server
-from pioneer_launch.process_report import REPORT, NodeDeath, deaths_in
+from pioneer_launch.process_report import REPORT, NodeDeath, begin_report, deaths_in
 from pioneer_launch.switch import LOCKSTEP_REFUSED, SwitchedOffError, is_on
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "Process",
     "StartLauncher",
     "SwitchedOffError",
+    "begin_report",
     "close_master_connections",
     "deaths_in",
     "is_on",

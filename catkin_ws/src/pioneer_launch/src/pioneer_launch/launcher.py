@@ -8,8 +8,6 @@ this workspace, has a ``launch-prefix``, or changes environment variables that t
 
 import contextlib
 import importlib
-import io
-import logging
 import os
 import shutil
 import socket
@@ -43,6 +41,7 @@ from pioneer_launch.process_watch import watch_processes
 from pioneer_launch.program import early_differences, interpreter
 from pioneer_launch.switch import is_on
 from pioneer_node.adapters.light_import import import_without_numpy
+from pioneer_node.adapters.output import lose_what_cannot_be_written
 
 _SHARED = (
     "numpy", "numpy.typing", "difflib", "encodings.idna", "rospy", "roslaunch", "rosmaster", "actionlib",
@@ -70,38 +69,8 @@ def run(module: str, function: str = "main") -> int | None:
             fork_nodes(server)
         loaded = importlib.import_module(module)
     report_deaths()
-    _lose_what_cannot_be_written()
+    lose_what_cannot_be_written()
     return getattr(loaded, function)()
-
-
-class _Output(io.TextIOWrapper):
-    """A standard stream that loses what cannot be written, as on a full disk, without an error."""
-
-    def write(self, text: str) -> int:
-        with contextlib.suppress(OSError):
-            super().write(text)
-        return len(text)
-
-    def flush(self) -> None:
-        with contextlib.suppress(OSError):
-            super().flush()
-
-
-def _lose_what_cannot_be_written() -> None:
-    """Keeps this process running without its output: roslaunch ends, and all its nodes with it, if a print fails."""
-    logging.raiseExceptions = False
-    for name in ("stdout", "stderr"):
-        stream = getattr(sys, name)
-        if isinstance(stream, io.TextIOWrapper):
-            made = _Output(
-                open(stream.fileno(), "wb", closefd=False),  # noqa: SIM115 - stays open
-                stream.encoding,
-                stream.errors,
-                line_buffering=True,  # a reader of a log file sees each line at once
-            )
-            with contextlib.suppress(OSError):
-                stream.flush()
-            setattr(sys, name, made)
 
 
 def shared_server() -> ForkServer | Program | None:

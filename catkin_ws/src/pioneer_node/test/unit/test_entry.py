@@ -118,6 +118,43 @@ def test_a_node_with_private_parameters_waits_for_its_master(tmp_path) -> None:
             wait_until(lambda: "port 7" in log.read_text(), "its parameter", START)
 
 
+LOGS_AND_PRINTS = """
+import sys
+import rospy
+from pioneer_node.nodes import entry
+
+class Node:
+    def spin(self):
+        for _ in range(500):
+            rospy.loginfo("a line")
+        rospy.logerr("a line")
+        print("a line", flush=True)
+
+raise SystemExit(entry.run("node", Node))
+"""
+
+
+@pytest.mark.parametrize("output", ["full disk", "no reader"])
+def test_a_rospy_node_survives_log_lines_that_cannot_be_written(output: str) -> None:
+    """A full disk below its output ended move_base: rospy's handler raises into the thread that logs."""
+    if output == "full disk":
+        stream = os.open("/dev/full", os.O_WRONLY)
+    else:
+        reader, stream = os.pipe()
+        os.close(reader)
+    with Master() as master:
+        done = subprocess.run(
+            [sys.executable, "-c", LOGS_AND_PRINTS],
+            env={**os.environ, **master.environment},
+            stdout=stream,
+            stderr=stream,
+            timeout=60,
+            check=False,
+        )
+    os.close(stream)
+    assert done.returncode == 0
+
+
 def test_a_signal_while_the_main_thread_joins_another_ends_the_node() -> None:
     """The handler used to start a thread, and deadlocked on a lock held by the main thread that it had interrupted."""
     command = [sys.executable, "-c", SIGNAL_WHILE_A_THREAD_IS_JOINED]

@@ -35,6 +35,8 @@ _SINGLE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 _LAST_GRACE = 3.0
 _KILLED = 10.0
 """Time-out for the end of killed processes [s]."""
+_FULL = 1 << 16
+"""Less free space than this is none [bytes]."""
 _COLOUR = re.compile(r"\x1b(\[[0-9;]*m|\]2;[^\x07]*\x07)")
 """Matches escape codes for colours and window titles."""
 _ERROR = re.compile(r"\b(FATAL|CRITICAL|ERROR|\w*Error)\b")
@@ -71,7 +73,7 @@ class FleetProcesses:
             log = self._log_of(command)
             log.write_bytes(b"")
             report = _report_of(log)
-            report.write_bytes(b"")
+            door.begin_report(report)
             self._read[report] = 0
             self._start(command)
 
@@ -201,8 +203,8 @@ class FleetProcesses:
         return next((command.name for command in every if self._log_of(command) == log), "")
 
     def faults(self) -> list[str]:
-        """Returns a line for each node that keeps dying."""
-        return self._relapses.faults()
+        """Returns a line for each node that keeps dying, and one if the disk with the logs is full."""
+        return [*self._relapses.faults(), *_full_disk(self._log)]
 
     def sample(self) -> None:
         """Samples the resource usage of the processes."""
@@ -243,6 +245,15 @@ class FleetProcesses:
             text, newline, _ = file.read().rpartition(b"\n")
         self._read[report] += len(text) + len(newline)
         return text.decode()
+
+
+def _full_disk(folder: Path) -> list[str]:
+    """Returns a line about the disk with this folder if it is full."""
+    try:
+        is_full = shutil.disk_usage(folder).free < _FULL
+    except OSError:
+        return []
+    return [f"the disk with {folder} is full: log lines and recordings are lost"] if is_full else []
 
 
 def _report_of(log: Path) -> Path:

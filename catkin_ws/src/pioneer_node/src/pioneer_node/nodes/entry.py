@@ -2,7 +2,6 @@
 
 import contextlib
 import http.client
-import io
 import logging
 import os
 import signal
@@ -19,6 +18,7 @@ import rospy
 from pioneer_node.adapters.end_request import EndRequest
 from pioneer_node.adapters.heap import limit_arenas
 from pioneer_node.adapters.launch_door import launch_door
+from pioneer_node.adapters.output import lose_what_cannot_be_written
 from pioneer_node.core.parameter import UNKNOWN, ParameterError
 from pioneer_node.core.ring import MEMBERS
 
@@ -52,9 +52,7 @@ def run(
             Always includes ``ParameterError``.
         wall_time: use wall time even if ``/use_sim_time`` is set, and do not subscribe to ``/clock``.
     """
-    # Otherwise output to a pipe or a file would stay in the buffer until the node exits.
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(line_buffering=True)
+    lose_what_cannot_be_written()
     limit_arenas()
     ending = threading.Thread(target=_shut_down_when_asked, name="shutdown", daemon=True)
     ending.start()
