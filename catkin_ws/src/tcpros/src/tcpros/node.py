@@ -199,6 +199,9 @@ class Node:
         self._subscribed: dict[str, list[TopicSource]] = {}
         self._left: set[str] = set()
         self._withdrawn: set[str] = set()
+        # Topics whose unregistration is not answered yet; only then are they registered again.
+        self._leaving: set[str] = set()
+        self._withdrawing: set[str] = set()
         self._services: dict[str, Service] = {}
         self._watched: dict[str, _Watched] = {}
         self._unanswered = self._in_flight = 0
@@ -222,7 +225,7 @@ class Node:
         if publication is not None and publication.is_like(kind, latching):
             return publication
         publication = self._published[topic] = Publication(self.name, topic, kind, latching)
-        self._register("registerPublisher", topic, kind._type, self.uri)
+        self._register_publisher(topic)
         return publication
 
     def unpublish(self, topic: str) -> None:
@@ -240,7 +243,18 @@ class Node:
         withdrawn = self._withdrawn - self._published.keys()
         self._withdrawn = set()
         for topic in withdrawn:
-            self._register("unregisterPublisher", topic, self.uri)
+            self._withdrawing.add(topic)
+            done = partial(self._has_withdrawn, topic)
+            self._register("unregisterPublisher", topic, self.uri, done=done)
+
+    def _has_withdrawn(self, topic: str, _value: Any) -> None:
+        self._withdrawing.discard(topic)
+        if topic in self._published:
+            self._register_publisher(topic)
+
+    def _register_publisher(self, topic: str) -> None:
+        if topic not in self._withdrawing:
+            self._register("registerPublisher", topic, self._published[topic].type, self.uri)
 
     def subscribe(self, topic: str, kind: Any, taken: Taken) -> TopicSource:
         """Subscribes to a topic, given its resolved name; returns the subscription's connections.
@@ -250,13 +264,17 @@ class Node:
         fields = {"topic": topic, "type": kind._type, "md5sum": kind._md5sum}
         source = TopicSource(self._context, self.name, fields, taken)
         self._subscribed.setdefault(topic, []).append(source)
-        self._ask_for_state(
-            "registerSubscriber",
-            (topic, kind._type, self.uri),
-            lambda: source.notifications,
-            source.update,
-        )
+        self._register_subscriber(source)
         return source
+
+    def _register_subscriber(self, source: TopicSource) -> None:
+        if source.topic not in self._leaving:
+            self._ask_for_state(
+                "registerSubscriber",
+                (source.topic, source.type, self.uri),
+                lambda: source.notifications,
+                source.update,
+            )
 
     def unsubscribe(self, source: TopicSource) -> None:
         """Ends a subscription."""
@@ -273,7 +291,14 @@ class Node:
     def _unregister_left(self) -> None:
         left, self._left = self._left - self._subscribed.keys(), set()
         for topic in left:
-            self._register("unregisterSubscriber", topic, self.uri)
+            self._leaving.add(topic)
+            done = partial(self._has_left, topic)
+            self._register("unregisterSubscriber", topic, self.uri, done=done)
+
+    def _has_left(self, topic: str, _value: Any) -> None:
+        self._leaving.discard(topic)
+        for source in self._subscribed.get(topic, ()):
+            self._register_subscriber(source)
 
     def watch(self, parameter: str, changed: Callable[[Any], object]) -> None:
         """Subscribes to a parameter: calls ``changed`` with its value now and whenever it is set.

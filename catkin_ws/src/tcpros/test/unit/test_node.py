@@ -153,6 +153,67 @@ def test_a_node_that_ends_with_a_subscription_that_just_ended_leaves_none(
     assert master.executed == ["registerSubscriber", "unregisterSubscriber"]
 
 
+class HeldMaster:
+    """Holds the answers of all calls until they are released; records the calls in the order in which they come."""
+
+    def __init__(self) -> None:
+        self.called: list[str] = []
+        self._held: list[Callable[[], object]] = []
+
+    def call(
+        self,
+        method: str,
+        _arguments: tuple[object, ...],
+        done: Callable[[object], object],
+        _failed: Callable[[str], object],
+    ) -> None:
+        """Called by the node."""
+        self.called.append(method)
+        self._held.append(lambda: done([]))
+
+    def answer(self) -> list[str]:
+        """Answers all calls; returns those that were made since the last call of this."""
+        called, self.called = self.called, []
+        held, self._held = self._held, []
+        for one in held:
+            one()
+        return called
+
+
+@pytest.mark.parametrize("role", ["Publisher", "Subscriber"])
+def test_a_topic_taken_up_again_is_registered_once_its_end_is_confirmed(
+    quick: NodeContext, role: str
+) -> None:
+    """The master may execute both calls in the other order: then the topic was in use and not registered."""
+    master = HeldMaster()
+    quick.master = master  # type: ignore[assignment]
+    node = Node(quick, "/one", lambda _: None)
+    sources = list[TopicSource]()
+
+    def begin() -> None:
+        if role == "Publisher":
+            node.publish("/words", String)
+        else:
+            sources.append(node.subscribe("/words", String, lambda *_: None))
+
+    begin()
+    assert master.answer() == [f"register{role}"]
+    if role == "Publisher":
+        node.unpublish("/words")
+    else:
+        node.unsubscribe(sources.pop())
+    begin()
+    registered = list[str]()
+    node.when_registered(lambda: registered.append("again"))
+    assert master.answer() == [f"unregister{role}"]
+    assert registered == []
+    assert master.answer() == [f"register{role}"]
+    assert registered == ["again"]
+    node.close(quick.reactor.stop)
+    master.answer()
+    run_for(quick)
+
+
 def test_a_withdrawn_topic_is_unregistered_and_its_subscribers_are_disconnected(
     master: SlowMaster, context: NodeContext
 ) -> None:
