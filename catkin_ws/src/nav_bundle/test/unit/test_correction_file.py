@@ -1,12 +1,23 @@
+import math
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import rospy
+from drawn_room import ROOM, enlarged, ranges_at
 
 from nav_bundle.base.clock import ClockWatch
 from nav_bundle.base.pose import Pose
-from nav_bundle.localisation.correction_file import Correction, CorrectionFile, CorrectionFileError
+from nav_bundle.base.scan import Scan
+from nav_bundle.localisation.config import AmclConfig
+from nav_bundle.localisation.correction_file import (
+    Correction,
+    CorrectionFile,
+    CorrectionFileError,
+    has_continued,
+)
+from nav_bundle.localisation.localisation import Localisation
 from nav_bundle.localisation.node import AmclNode
 from nav_bundle.localisation.topics import PoseStore
 
@@ -113,3 +124,39 @@ def test_odometry_that_was_at_zero_has_continued() -> None:
 def test_a_robot_that_drove_on_to_near_its_start_has_not_restarted_its_odometry(back: Pose) -> None:
     """Its amcl once started at the initial pose, metres and degrees off, and took its goal for occupied."""
     assert Correction(Pose(1.0, 2.0, 0.3), Pose(0.9, 0.4, 0.2)).applies_to(back)
+
+
+INITIAL = Pose(1.5, 1.0, 0.0)
+"""Where the odometry of the robot below was at zero."""
+
+
+def agreements(truth: Pose):
+    """Returns a function of the share of beams that fit the map at a pose, for a robot at ``truth``."""
+    grid, laser = enlarged(ROOM), Pose(0.1, 0.0, 0.0)
+    config = AmclConfig(laser_max_range=12.0)
+    localisation = Localisation(config, np.random.default_rng(1))
+    localisation.set_map(grid)
+    ranges = ranges_at(grid, truth, laser).astype(np.float32)
+    scan = Scan(ranges, -math.pi, math.tau / 179, 0.1, 30.0, laser)
+    return lambda pose: localisation.agreement_at(pose, scan)
+
+
+def test_a_robot_killed_on_its_way_home_resumes_where_it_is() -> None:
+    """It had driven 2 m since the last write and was near its start: amcl started at the initial pose, turned round."""
+    correction = Correction(INITIAL, Pose(2.4, 0.3, -2.9))
+    odom = Pose(0.35, 0.2, -1.9)
+    assert not correction.applies_to(odom)
+    assert has_continued(correction, Pose(1.5, 1.0, 1.57), odom, agreements(INITIAL.compose(odom)))
+
+
+def test_odometry_that_was_restarted_elsewhere_is_told_by_the_scan() -> None:
+    correction = Correction(Pose(0.2, 0.1, 0.3), Pose(1.2, 0.3, 0.2))
+    odom = Pose(0.9, 0.1, 0.1)
+    assert correction.applies_to(odom)
+    assert not has_continued(correction, INITIAL, odom, agreements(INITIAL.compose(odom)))
+
+
+def test_where_both_places_look_alike_the_odometry_decides() -> None:
+    correction = Correction(Pose(), ODOM)
+    assert has_continued(correction, INITIAL, ODOM, lambda _: 0.9)
+    assert not has_continued(correction, INITIAL, Pose(), lambda _: 0.9)

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,7 +13,11 @@ from nav_bundle.base.pose import Pose, angle_difference
 _AT_ZERO = 0.02
 """Odometry this near to zero was restarted, unless it was there before [m]; a robot hardly comes back so exactly."""
 _FARTHEST = 1.5
-"""How far a robot may be from where the file was written last [m]: that is after each 0.25 m, and before a stop."""
+"""How far a robot may be from where the file was written last [m]: that is with each estimate, and before a stop."""
+
+
+CLEARLY = 0.2
+"""A scan tells two places apart if the shares of its beams that fit the map there differ by more than this."""
 
 
 class CorrectionFileError(NavigationError):
@@ -26,7 +31,7 @@ class Correction(NamedTuple):
     odom: Pose  #: the robot's pose in the odometry frame at that time
 
     def applies_to(self, odom: Pose) -> bool:
-        """Returns whether odometry that reads ``odom`` now has continued since.
+        """Returns whether odometry that reads ``odom`` now seems to have continued since.
 
         Odometry that was restarted counts from zero. It reads zero, or is nearer to zero than to where it was and
         farther from there than the robot can have moved: a robot that drove on to near its start has not restarted.
@@ -35,6 +40,25 @@ class Correction(NamedTuple):
         if _apart(odom, Pose()) < _AT_ZERO < moved:
             return False
         return moved <= _FARTHEST or moved <= _apart(odom, Pose())
+
+
+def has_continued(
+    remembered: Correction, initial: Pose, odom: Pose, agreement: Callable[[Pose], float]
+) -> bool:
+    """Returns whether odometry has continued since, rather than started again at zero at the initial pose.
+
+    The scan tells where the robot is. Where both places look alike, the odometry's own reading decides.
+
+    Args:
+        remembered: what the amcl before this one has kept.
+        initial: where this one would start without.
+        odom: the robot's pose in the odometry frame now.
+        agreement: returns the share of the scan's beams that fit the map at a pose.
+    """
+    gain = agreement(remembered.map_from_odom.compose(odom)) - agreement(initial.compose(odom))
+    if abs(gain) > CLEARLY:
+        return gain > 0.0
+    return remembered.applies_to(odom)
 
 
 def _apart(first: Pose, second: Pose) -> float:

@@ -210,6 +210,15 @@ class Localisation:
         estimate = self._refined(self._filter.estimate(), scan)
         return Update(estimate, estimate.pose.compose(odom.inverse()))
 
+    def agreement_at(self, pose: Pose, scan: Scan) -> float:
+        """Returns the share of a scan's beams that fit the map near a pose; 1 for a sensor model that cannot tell."""
+        if not isinstance(self._sensor, LikelihoodField):
+            return 1.0
+        certain = np.zeros((3, 3))
+        beams = self._thinned(scan, REFINING_BEAMS)
+        _, agreement = _fitted(Estimate(pose, 1.0, certain, certain), beams, self._sensor.field)
+        return agreement
+
     def _refined(self, estimate: Estimate, scan: Scan) -> Estimate:
         """Fits the scan to the map near the estimate, and moves a few particles to the fitted pose.
 

@@ -24,6 +24,7 @@ from nav_bundle.base.conversions import (
 )
 from nav_bundle.base.error import NavigationError, ObservationError
 from nav_bundle.base.pose import Pose
+from nav_bundle.base.scan import Scan
 from nav_bundle.base.topics import TransformBroadcaster, TransformListener, robot_frame
 from nav_bundle.base.transform import TransformError
 from nav_bundle.localisation.config import UNSUPPORTED, AmclConfig
@@ -32,7 +33,12 @@ from nav_bundle.localisation.conversions import (
     covariance_from_message,
     covariance_message,
 )
-from nav_bundle.localisation.correction_file import Correction, CorrectionFile, CorrectionFileError
+from nav_bundle.localisation.correction_file import (
+    Correction,
+    CorrectionFile,
+    CorrectionFileError,
+    has_continued,
+)
 from nav_bundle.localisation.localisation import Localisation, NoMapError
 from nav_bundle.localisation.particle_filter import Estimate
 from nav_bundle.localisation.topics import PoseStore, deviation_status
@@ -252,21 +258,21 @@ class AmclNode:
             message.header, self._odom_frame, self._base_frame
         )
         if self._remembered is not None:
-            self._go_on(self._remembered, odom)
+            self._go_on(self._remembered, odom, scan_from_message(message, laser))
         name = message.header.frame_id
         if self._localisation.due(odom, name):
             update = self._localisation.advance(odom, scan_from_message(message, laser), name)
             if update.estimate is not None:
                 self._estimate, self._map_from_odom = update.estimate, update.map_from_odom
                 self._publish_estimate(update.estimate, stamp)
+                self._remember(odom)
                 self._tell_if_lost()
             self._publish_cloud(stamp)
         self._dropping.end()
         self._broadcast(stamp)
         self._diagnose()
-        saved = self._estimate is not None and self._store.save(self._estimate, self._now)
-        if saved and self._map_from_odom is not None:
-            self._correction.write(Correction(self._map_from_odom, odom), self._odom_frame)
+        if self._estimate is not None:
+            self._store.save(self._estimate, self._now)
 
     def _tell_if_lost(self) -> None:
         lost, before = self._localisation.lost, self._lost
@@ -320,9 +326,8 @@ class AmclNode:
 
     def _start_at_initial_pose(self) -> None:
         config = self._config
-        pose = Pose(config.initial_pose_x, config.initial_pose_y, config.initial_pose_a)
         covariance = np.diag([config.initial_cov_xx, config.initial_cov_yy, config.initial_cov_aa])
-        self._localisation.set_pose(pose, covariance)
+        self._localisation.set_pose(self._initial_pose(), covariance)
         self._estimate = self._map_from_odom = None
 
     def _read_correction(self) -> Correction | None:
@@ -333,15 +338,24 @@ class AmclNode:
             rospy.logwarn("%s; starting at the initial pose", error)
             return None
 
-    def _go_on(self, remembered: Correction, odom: Pose) -> None:
+    def _remember(self, odom: Pose) -> None:
+        if self._map_from_odom is not None:
+            self._correction.write(Correction(self._map_from_odom, odom), self._odom_frame)
+
+    def _go_on(self, remembered: Correction, odom: Pose, scan: Scan) -> None:
         """Restarts once at the remembered pose, moved by the odometry since the previous amcl ended."""
         self._remembered = None
-        if not remembered.applies_to(odom):
+        pose = remembered.map_from_odom.compose(odom)
+        if not has_continued(
+            remembered,
+            self._initial_pose(),
+            odom,
+            lambda place: self._localisation.agreement_at(place, scan),
+        ):
             rospy.logwarn(
                 "~correction_file is not used: odometry was restarted; starting at the initial pose"
             )
             return
-        pose = remembered.map_from_odom.compose(odom)
         self._localisation.set_pose(pose, REMEMBERED_COVARIANCE)
         rospy.loginfo(
             "resuming at %.3f %.3f m, heading %.3f rad (from ~correction_file)",
@@ -349,6 +363,10 @@ class AmclNode:
             pose.y,
             pose.yaw,
         )
+
+    def _initial_pose(self) -> Pose:
+        config = self._config
+        return Pose(config.initial_pose_x, config.initial_pose_y, config.initial_pose_a)
 
     def _scatter(self) -> None:
         self._localisation.scatter()
