@@ -14,11 +14,13 @@ EXHAUSTED = (
     errno.ENFILE,
     errno.ENOMEM,
     errno.ENOBUFS,
-    errno.EAGAIN,
     errno.ENOSPC,
     errno.EDQUOT,
 )
-"""Errors of a process or machine that has run out of something; no traceback explains them better."""
+"""Errors of a process or machine that has run out of something; no traceback explains them better.
+
+Not EAGAIN: beside a refused fork, it is what a socket or pipe raises that was read or written too early, a bug.
+"""
 
 
 class LoopFaults:

@@ -1,5 +1,6 @@
 """Asynchronous XML-RPC calls to masters and nodes."""
 
+import ipaddress
 import xmlrpc.client
 from collections import deque
 from collections.abc import Callable
@@ -32,13 +33,22 @@ def host_and_port(uri: str) -> tuple[str, int]:
     rospy writes an IPv6 address without brackets: `http://::1:40000/`.
     """
     try:
+        uri.encode()  # a request could not carry a URI with invalid characters
         parts = urlsplit(uri)
-        if parts.netloc.count(":") > 1 and "[" not in parts.netloc:
-            host, _, port = parts.netloc.rpartition(":")
-            return host, int(port)
+        host, _, port = parts.netloc.rpartition(":")
+        if _is_ipv6(host):
+            parts = urlsplit(f"//[{host}]:{port}")
         return parts.hostname or "", parts.port or 0
     except ValueError:
         return "", 0
+
+
+def _is_ipv6(host: str) -> bool:
+    try:
+        ipaddress.IPv6Address(host)
+    except ValueError:
+        return False
+    return True
 
 
 class NoAnswer(str):

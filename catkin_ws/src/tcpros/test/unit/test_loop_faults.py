@@ -3,6 +3,7 @@
 import errno
 import logging
 import os
+import socket
 
 import pytest
 
@@ -50,3 +51,16 @@ def test_a_lack_of_descriptors_memory_or_disk_is_one_line_without_traceback(
     lines = caplog.text.splitlines()
     assert len(lines) == 3
     assert "the loop lacks something and continues: [Errno 24] Too many open files" in lines[0]
+
+
+def test_a_socket_that_is_read_too_early_is_a_bug_with_its_traceback(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    faults = LoopFaults(logging.getLogger("loops"), "the loop")
+    here, there = socket.socketpair()
+    with here, there:
+        here.setblocking(False)
+        with faults:
+            here.recv(1)
+    assert "internal error in the loop" in caplog.text
+    assert "here.recv(1)" in caplog.text

@@ -35,7 +35,7 @@ from rocon_hub_protocol.record import (
     text_from_record,
     text_from_request,
 )
-from rocon_hub_protocol.redis_client import Access, HubConnection
+from rocon_hub_protocol.redis_client import TCP_OPTIONS, Access, HubConnection
 from rocon_hub_protocol.rule import Kind, RemoteRule, Rule
 from tcpros.descriptor import raise_limit
 
@@ -110,7 +110,14 @@ class Crowd:
         access = Access(password_from(""))
         for number, name in enumerate(names):
             ends = [
-                Connection(access, host="127.0.0.1", port=port, socket_timeout=10.0)
+                Connection(
+                    access,
+                    host="127.0.0.1",
+                    port=port,
+                    socket_timeout=10.0,
+                    socket_keepalive=True,
+                    socket_keepalive_options=TCP_OPTIONS,
+                )
                 for _ in range(2)
             ]
             for end in ends:

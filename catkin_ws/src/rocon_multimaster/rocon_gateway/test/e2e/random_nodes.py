@@ -1,9 +1,9 @@
 """Starts rospy nodes on request, each as a process forked from this one, which has imported rospy already.
 
-Reads a JSON object a line: `name`, `master`, `run`, `publishes`, `latches`, `subscribes`, `serves`, `log`; writes the
-PID of each started node. A node publishes `RUN NUMBER` ten times a second on each topic that it publishes, and `RUN 0`
-once, latched. For each message that it receives it appends `seconds topic run number` to its log. Its services return
-its run.
+Reads a JSON object a line: `name`, `master`, `run`, `publishes`, `latches`, `subscribes`, `serves`, `log`, `ready`;
+writes the PID of each started node. A node that is registered makes the file `ready`. It publishes `RUN NUMBER` ten
+times a second on each topic that it publishes, and `RUN 0` once, latched. For each message that it receives it appends
+`seconds topic run number` to its log. Its services return its run.
 """
 
 import ctypes
@@ -39,6 +39,7 @@ def run(order: dict) -> None:
     for publisher in latched:
         publisher.publish(f"{order['run']} 0")
     publishers = [rospy.Publisher(topic, String, queue_size=1000) for topic in order["publishes"]]
+    open(order["ready"], "x").close()
     number = 0
     while not rospy.is_shutdown():
         for publisher in publishers:

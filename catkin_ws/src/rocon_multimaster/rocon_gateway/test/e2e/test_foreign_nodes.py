@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -105,31 +106,69 @@ def test_a_node_with_an_ipv6_address_only_has_a_rule_that_says_why(fleet, pair) 
     assert base.states()["flip /six"].startswith("no publisher")
 
 
-def test_a_gateway_behind_nat_receives_and_says_that_it_cannot_be_reached(fleet, machine) -> None:
-    """No connection to the relay gets in through Docker's NAT, or a router's; those from inside work."""
-    fleet.hub_uri = f"http://{machine.here}:{fleet.hub_port}"
-    fleet.start_hub(insecure=True)
-    master = MasterProcess(fleet.group, 11311, fleet.folder, machine.there, machine.prefix)
-    base, robot = fleet.site("base"), fleet.site("robot", master, machine.prefix)
-    base.start({"ROS_IP": machine.here}, insecure=True).connected()
-    robot.start(insecure=True).connected()
-    port = str(robot.relay_port())
-    nat = ("INPUT", "-i", "eth0", "-p", "tcp", "--dport", port, "--syn", "-j", "DROP")
+NEAR, INSIDE = "10.231.79.1", "10.231.79.2"
+"""Addresses of a network behind a router: the router's and a computer's."""
+
+MASTER_PORT = 11311
+
+
+@pytest.fixture
+def inside(machine) -> Iterator[tuple[str, ...]]:
+    """A computer behind `machine`, which translates addresses and publishes a port, as Docker does.
+
+    Gives the command prefix that runs a command there.
+    """
+    name = f"{machine.name}-inside"
+    prefix = ("ip", "netns", "exec", name)
+    nat = ("iptables", "-t", "nat", "-A")
+    published = f"{INSIDE}:{MASTER_PORT}"
+    subprocess.run(["ip", "netns", "add", name], check=True)
     try:
-        machine.run("iptables", "-A", *nat)
+        machine.run(
+            "ip", "link", "add", "in", "type", "veth", "peer", "name", "eth0", "netns", name
+        )
+        machine.run("ip", "address", "add", f"{NEAR}/30", "dev", "in")
+        machine.run("ip", "link", "set", "in", "up")
+        machine.run(*prefix, "ip", "address", "add", f"{INSIDE}/30", "dev", "eth0")
+        machine.run(*prefix, "ip", "link", "set", "eth0", "up")
+        machine.run(*prefix, "ip", "link", "set", "lo", "up")
+        machine.run(*prefix, "ip", "route", "add", "default", "via", NEAR)
+        machine.run("sysctl", "-q", "-w", "net.ipv4.ip_forward=1")
+        machine.run(*nat, "POSTROUTING", "-s", INSIDE, "-o", "eth0", "-j", "MASQUERADE")
+        port = ("-p", "tcp", "--dport", str(MASTER_PORT))
+        machine.run(
+            *nat, "PREROUTING", "-i", "eth0", *port, "-j", "DNAT", "--to-destination", published
+        )
     except MachineError as error:
         pytest.skip(f"NAT is not tested here: {error}")
-    try:
-        base.talk("/command")
-        robot.talk("/sensor")
-        assert base.flip("robot", "publisher", "/command") == 0
-        assert base.flip("robot", "subscriber", "/sensor") == 0
-        robot.hear("/command").first_after(0.0, timeout=START)
-        wait_until(lambda: base.states()["flip /command"] == "active", "active", 10)
-        wait_until(
-            lambda: base.states()["flip /sensor"].startswith("unreachable: robot at"),
-            "the rule to be unreachable",
-            15,
-        )
+    else:
+        yield prefix
+        machine.run("iptables", "-t", "nat", "-F")
     finally:
-        machine.run("iptables", "-D", *nat)
+        # The cable between them goes with it.
+        subprocess.run(["ip", "netns", "delete", name], capture_output=True, check=False)
+
+
+def test_a_gateway_behind_nat_receives_and_says_that_it_cannot_be_reached(
+    inside: tuple[str, ...], fleet, machine
+) -> None:
+    """Connections from inside Docker's NAT, or a router's, work; none gets in to the relay."""
+    fleet.hub_uri = f"http://{machine.here}:{fleet.hub_port}"
+    fleet.start_hub(insecure=True)
+    # Of the computer inside, only the master can be reached: its port is published.
+    master = MasterProcess(fleet.group, MASTER_PORT, fleet.folder, machine.there, inside)
+    master.environment.update(ROS_IP="127.0.0.1", ROS_MASTER_URI=f"http://127.0.0.1:{MASTER_PORT}/")
+    base, robot = fleet.site("base"), fleet.site("robot", master, inside)
+    base.start({"ROS_IP": machine.here}, insecure=True).connected()
+    robot.start(insecure=True)
+    base.talk("/command")
+    robot.talk("/sensor")
+    assert base.flip("robot", "publisher", "/command") == 0
+    assert base.flip("robot", "subscriber", "/sensor") == 0
+    robot.hear("/command").first_after(0.0, timeout=START)
+    wait_until(lambda: base.states()["flip /command"] == "active", "active", 10)
+    wait_until(
+        lambda: base.states()["flip /sensor"].startswith(f"unreachable: robot at {INSIDE}"),
+        "the rule to be unreachable",
+        15,
+    )

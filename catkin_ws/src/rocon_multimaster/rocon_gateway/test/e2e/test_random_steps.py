@@ -189,6 +189,7 @@ class Round:
         node.run, node.lives = f"{here}{name}:{self._runs}", True
         self.model.gateways[here].nodes[name] = node
         log = self.fleet.folder / f"heard-{self._runs}.log"
+        ready = self.fleet.folder / f"ready-{self._runs}"
         order = {
             "name": name.lstrip("/"),
             "master": self.masters[here].uri,
@@ -198,9 +199,12 @@ class Round:
             "subscribes": sorted(node.subscribes),
             "serves": sorted(node.serves),
             "log": str(log),
+            "ready": str(ready),
         }
         self.pids[here, name] = self.nursery.start(order)
         self.ears[here, name] = Ear(log)
+        # The master may still list a killed node of this name, so its list alone does not show that this one has begun.
+        wait_until(ready.exists, f"{name} of {here}", SETTLED)
         wait_until(lambda: self._lists(here, name, node), f"{name} on {here}'s master", SETTLED)
 
     def _lists(self, here: str, name: str, node: Node) -> bool:

@@ -29,6 +29,9 @@ So records also arrive on a path that swallows full packets (VPN, tunnel). They 
 headers do not matter.
 """
 
+TCP_OPTIONS = {socket.TCP_MAXSEG: SEGMENT}
+"""Options of a connection to a hub. redis-py sets `socket_keepalive_options` of any name before it connects."""
+
 PROOF_TIMEOUT = 5.0
 """Timeout for each line of its proof [s]; longer, as proofs take CPU time and a thousand gateways may come at once."""
 
@@ -139,9 +142,7 @@ def redis_client(address: HubAddress, access: Access) -> redis.Redis:
         socket_timeout=TIMEOUT,
         socket_connect_timeout=TIMEOUT,
         socket_keepalive=True,
-        socket_keepalive_options={
-            socket.TCP_MAXSEG: SEGMENT
-        },  # any TCP options, set before it connects
+        socket_keepalive_options=TCP_OPTIONS,
         decode_responses=True,
         encoding_errors="replace",  # invalid UTF-8 then is invalid JSON too and is ignored
     )

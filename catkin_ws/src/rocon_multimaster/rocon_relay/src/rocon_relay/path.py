@@ -33,8 +33,14 @@ class Choice:
     """The segment size for a link, and how sure we are that it must not be larger."""
 
     segment: int = 0  #: size of TCP segments [bytes]; 0 for the kernel's choice
-    #: whether a full packet vanished while a smaller one arrived; else the other gateway may only have been slow
-    is_proved: bool = False
+    #: the largest size that a proof leaves: a full packet vanished while a smaller one arrived. 0 if none did; then
+    #: the other gateway may only have been slow
+    proved: int = 0
+
+    @property
+    def is_proved(self) -> bool:
+        """Whether packets of the kernel's choice are known to vanish."""
+        return self.proved > 0
 
 
 FULL = Choice()
@@ -82,8 +88,8 @@ class Paths:
             return
         following = SEGMENTS[(SEGMENTS.index(segment) + 1) % len(SEGMENTS)]
         if following:
-            choice = Choice(following, is_proved or current.is_proved)
-            self._paths[address] = _Path(choice, self._clock())
+            proved = following if is_proved else current.proved
+            self._paths[address] = _Path(Choice(following, proved), self._clock())
         else:
             del self._paths[address]
 
@@ -93,10 +99,17 @@ def advice(choice: Choice) -> str:
     if not choice.segment:
         return ""
     size = choice.segment + HEADERS
-    if choice.is_proved:
+    if choice.proved == choice.segment:
         return (
             f"full packets do not arrive on this path, so its links send at most {size} bytes at once; "
             f"set the MTU of its devices (ip link set DEV mtu {size})"
+        )
+    if choice.is_proved:
+        proved = choice.proved + HEADERS
+        return (
+            f"full packets do not arrive on this path; set the MTU of its devices (ip link set DEV mtu {proved}). "
+            f"A TLS handshake took too long with {proved} bytes as well: the other gateway was busy, or these do not "
+            f"arrive either, so its links send at most {size} bytes at once"
         )
     return (
         "a TLS handshake took too long: the other gateway was busy, or full packets do not arrive on this path. "

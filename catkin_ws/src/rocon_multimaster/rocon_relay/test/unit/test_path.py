@@ -31,21 +31,32 @@ def test_several_links_that_fail_together_count_once() -> None:
     paths = Paths(Clock())
     for _ in range(5):
         paths.swallows(FAR, 0, is_proved=True)
-    assert paths.choice(FAR) == Choice(SEGMENTS[1], is_proved=True)
+    assert paths.choice(FAR) == Choice(SEGMENTS[1], proved=SEGMENTS[1])
 
 
-def test_a_guess_says_so_and_a_proof_remains_one() -> None:
+def test_a_guess_says_so_and_a_later_proof_replaces_it() -> None:
     paths = Paths(Clock())
     paths.swallows(FAR, 0, is_proved=False)
     guess = paths.choice(FAR)
-    assert guess == Choice(SEGMENTS[1], is_proved=False)
+    assert guess == Choice(SEGMENTS[1], proved=0)
+    assert not guess.is_proved
     assert "the other gateway was busy, or" in advice(guess)
     assert "set the MTU" not in advice(guess)
     paths.swallows(FAR, SEGMENTS[1], is_proved=True)
-    assert paths.choice(FAR) == Choice(SEGMENTS[2], is_proved=True)
-    paths.swallows(OTHER, 0, is_proved=True)
-    paths.swallows(OTHER, SEGMENTS[1], is_proved=False)
-    assert paths.choice(OTHER) == Choice(SEGMENTS[2], is_proved=True)
+    assert paths.choice(FAR) == Choice(SEGMENTS[2], proved=SEGMENTS[2])
+
+
+def test_a_proof_for_full_packets_proves_nothing_for_smaller_ones() -> None:
+    """A frozen gateway once made a path with an MTU of 1240 advise to set its MTU to 540."""
+    paths = Paths(Clock())
+    paths.swallows(FAR, 0, is_proved=True)
+    paths.swallows(FAR, SEGMENTS[1], is_proved=False)
+    choice = paths.choice(FAR)
+    assert choice == Choice(SEGMENTS[2], proved=SEGMENTS[1])
+    assert choice.is_proved, "full packets still vanish"
+    assert "mtu 1240)" in advice(choice)
+    assert "the other gateway was busy, or" in advice(choice)
+    assert "mtu 540" not in advice(choice)
 
 
 def test_a_path_is_tried_with_full_segments_again_after_some_time() -> None:
@@ -60,7 +71,7 @@ def test_a_path_is_tried_with_full_segments_again_after_some_time() -> None:
 
 def test_the_advice_names_the_mtu() -> None:
     assert advice(FULL) == ""
-    assert "mtu 1240" in advice(Choice(1200, is_proved=True))
+    assert "mtu 1240" in advice(Choice(1200, proved=1200))
 
 
 @pytest.mark.parametrize("text", ["", "x", "-1", "²", "1e3", str(MAX_PROBE + 1), "9" * 5000])

@@ -63,6 +63,9 @@ FORGOTTEN = object()
 SCANNED = 1000
 """Number of the hub's keys that are looked at by one call."""
 
+_FULL = "OOM command not allowed"
+"""In the errors of a Redis that has reached its memory limit."""
+
 
 @dataclass(frozen=True, slots=True)
 class Description:
@@ -288,11 +291,12 @@ class HubSession:
             self._record, self._written = record, dict(requests)
 
     def _execute_as(
-        self, holders: Collection[str | None], fill: Callable[[redis.client.Pipeline], None]
+        self, holders: Collection[str | None], fill: Callable[[redis.client.Pipeline], object]
     ) -> bool:
         """Executes a transaction only if one of `holders` holds our name until its end; returns whether it did.
 
-        A gateway that has lost its name must not overwrite the requests of the new holder.
+        A gateway that has lost its name must not overwrite the requests of the new holder. A full Redis refuses
+        transactions.
         """
         with self.client.pipeline() as pipe:
             pipe.watch(alive_key(self.name))
@@ -304,6 +308,23 @@ class HubSession:
                 pipe.execute()
             except redis.WatchError:
                 return False
+        return True
+
+    def _delete_as(
+        self, holders: Collection[str | None], fill: Callable[[redis.client.Pipeline], object]
+    ) -> bool:
+        """Like `_execute_as`, for deletions and events only, which take no memory: works in a full Redis too."""
+        try:
+            return self._execute_as(holders, fill)
+        except redis.ResponseError as error:
+            if _FULL not in str(error):
+                raise
+        # Not a transaction. Our name stays ours meanwhile: nobody can join a full hub.
+        if self.holder not in holders:
+            return False
+        with self.client.pipeline(transaction=False) as pipe:
+            fill(pipe)
+            pipe.execute()
         return True
 
     def forget(self, receiver: str) -> None:
@@ -326,14 +347,11 @@ class HubSession:
 
         Returns whether it did: not if we have lost our name, which `live` will report.
         """
-
-        def fill(pipe: redis.client.Pipeline) -> None:
-            if text:
-                pipe.set(kept_key(self.name), text)
-            else:
-                pipe.delete(kept_key(self.name))
-
-        return self._execute_as((self.instance,), fill)
+        if text:
+            return self._execute_as(
+                (self.instance,), lambda pipe: pipe.set(kept_key(self.name), text)
+            )
+        return self._delete_as((self.instance,), lambda pipe: pipe.delete(kept_key(self.name)))
 
     def describe(self, names: Collection[str]) -> list[Description]:
         """Returns what the hub knows of `names`, or of all others if empty; skips unknown names. For any thread.
@@ -365,7 +383,7 @@ class HubSession:
                 pipe.hdel(requests_key(receiver), self.name)
             self._tell(pipe, "left")
 
-        self._execute_as((None, self.instance), fill)
+        self._delete_as((None, self.instance), fill)
 
     def close(self) -> None:
         """Closes the sockets."""
