@@ -93,6 +93,23 @@ def test_the_proxy_answers_as_a_node(sides):
         assert int(subscriber.text_of_message()[:8]) >= 0
 
 
+def test_a_proxy_that_rosnode_should_kill_stays_and_the_log_says_why(sides, caplog):
+    """`rosnode kill` prints "killed" whatever a node answers, so only the gateway can tell."""
+    source, sink = sides
+    connect(source, sink)
+    killed = subprocess.run(
+        ["/usr/bin/rosnode", "kill", "/source/talker1"],
+        env=sink.master.environment,
+        capture_output=True,
+        text=True,
+    )
+    assert killed.returncode == 0, killed.stdout + killed.stderr
+    assert (
+        "/source/talker1 is shown by a gateway; take back its rule there to end it" in caplog.text
+    )
+    assert sink.publishers("/chatter") == ["/source/talker1"]
+
+
 def test_newcomers_get_the_last_latched_message_of_each_source(sides):
     source, sink = sides
     connect(source, sink, ("/latched",), ("/talker1", "/talker2"))

@@ -139,6 +139,7 @@ def test_half_a_handshake_ends_in_time_and_holds_up_nobody(relays, talkers, iden
             assert client.recv(1) == b""
     wait_until(lambda: len(warnings(caplog)) > 1, "a line for each", 5)
     assert ["did not introduce itself within" in line for line in warnings(caplog)] == [True, True]
+    assert "malformed" not in caplog.text
     assert sink.state() == [LinkState.ACTIVE]
 
 
