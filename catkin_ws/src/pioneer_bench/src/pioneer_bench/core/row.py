@@ -1,5 +1,6 @@
 """Results of a bench: rows of samples beside their goals, and their table."""
 
+import math
 import statistics
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -25,10 +26,10 @@ class Row:
 
     @property
     def holds(self) -> bool | None:
-        """Whether the goal is met; None without a goal."""
+        """Whether the goal is met; None without a goal. A sample that is no number misses it."""
         if self.goal is None:
             return None
-        if self.median is None:
+        if self.median is None or any(map(math.isnan, self.samples)):
             return False
         judged = self.samples if self.every else (self.median,)
         return min(judged) >= self.goal if self.at_least else max(judged) <= self.goal

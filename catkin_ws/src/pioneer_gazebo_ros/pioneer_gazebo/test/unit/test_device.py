@@ -3,11 +3,13 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
+from gazebo_msgs.msg import ContactsState
 
 from pioneer_gazebo.error import DescriptionError
 from pioneer_gazebo.physics.engine import Velocity
@@ -18,9 +20,11 @@ from pioneer_gazebo.simulation.schedule import TICK_RATE
 from pioneer_gazebo.simulation.simulation import Simulation
 from pioneer_gazebo.simulation.state import place, relative
 from pioneer_gazebo.topics.sensor_messages import info_of
+from pioneer_gazebo.topics.sensor_topics import bumper_topics
 from pioneer_gazebo.world.model import Model
 from pioneer_gazebo.world.pose import Pose
 from pioneer_gazebo.world.robot import (
+    Bumper,
     Camera,
     Gps,
     GroundTruth,
@@ -497,3 +501,37 @@ def test_sensors_and_plugins_of_a_nested_sdf_model_are_those_of_the_outer_one(
         simulation.link_pose(entity, "cart::base").compose(entity.lasers[0].device.pose).position
     )
     assert (x, y) == pytest.approx((1.0, 2.0))
+
+
+BUMPER = """<robot name="r"><link name="base"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>
+<gazebo reference="base"><sensor type="contact" name="touch"><contact><collision>base_collision</collision></contact>
+<plugin name="p" filename="libgazebo_ros_bumper.so"><bumperTopicName>touch</bumperTopicName></plugin></sensor></gazebo>
+</robot>"""
+
+
+def test_a_bumper_publishes_its_contacts_and_that_there_are_none(
+    simulate: MakeSimulation, box: Callable[..., Model]
+) -> None:
+    simulation = simulate(box("wall", Pose((0.5, 0.0, 0.5)), (0.1, 2.0, 1.0)))
+    robot = robot_from_urdf(BUMPER)
+    entity = simulation.add_robot("r", "r", robot, Pose((0.0, 0.0, 0.5)))
+    sent: list[bytes] = []
+    published: list[Callable[[int], None]] = []
+    port = SimpleNamespace(
+        entity=entity,
+        simulation=simulation,
+        topic=lambda name, kind: SimpleNamespace(send=lambda frame: sent.append(bytes(frame))),
+        every=lambda rate, name, task, topic: published.append(task),
+    )
+    bumper_topics(port, robot.of(Bumper)[0])  # type: ignore[arg-type]
+    simulation.place("r", Pose((0.0, 0.0, 0.5)), Velocity((3.0, 0.0, 0.0)))
+    for tick in range(0, TICK_RATE, 12):
+        simulation.advance(tick)
+        published[0](tick)
+    states = [ContactsState().deserialize(frame[4:]).states for frame in sent]
+    assert states[0] == []
+    [touch, *_] = next(filter(None, states))
+    assert touch.collision1_name == "r::base::base_collision"
+    assert touch.collision2_name.startswith("wall::")
