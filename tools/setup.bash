@@ -329,6 +329,21 @@ workspace_lacks() {
   [[ ! -f $setup_dir/workspace.stamp || ! -f $workspace/devel/setup.bash || $(<"$setup_dir/workspace.stamp") != "$1" ]]
 }
 
+# fleets_here: prints the process ids of the commands, such as ./pioneer fleet, whose fleets run from this checkout.
+fleets_here() {
+  local pid
+  { grep -lszxF "PIONEER_ROOT=$root" /proc/[0-9]*/environ || true; } |
+    { xargs -r grep -hsz '^PIONEER_FLEET_COMMAND=' || true; } | tr '\0' '\n' | awk -F : '{ print $(NF - 1) }' | sort -un |
+    while read -r pid; do [[ ! -d /proc/$pid ]] || printf '%s\n' "$pid"; done
+}
+
+# spare_fleets WHAT: exits with an error if a fleet runs from this checkout: WHAT would be removed under it.
+spare_fleets() {
+  local pids
+  pids=$(fleets_here | paste -s -d ' ')
+  [[ -z $pids ]] || die "$1 must be made again, and a fleet runs from it (process $pids): end it with Ctrl-C, then run the command again"
+}
+
 # install_and_make SECTION...: installs sections of requirements.txt while the workspace is built, which needs nothing of
 # them but the environment's interpreter.
 install_and_make() {
@@ -350,9 +365,10 @@ install_python() {
 
 # prepare_python_and_workspace SECTION...: the Python environment with the section run and these, and the workspace.
 prepare_python_and_workspace() {
-  local had=() lacking state build='' compiles=''
+  local had=() lacking state build='' compiles='' pids
   # Another Python, another folder or an interrupted installation: the environment is made again as a whole.
   if venv_lacks run; then
+    [[ ! -d $venv ]] || spare_fleets 'the Python environment'
     [[ ! -d $venv/sections ]] || mapfile -t had < <(ls "$venv/sections")
     rm -rf "$venv"
   fi
@@ -361,6 +377,7 @@ prepare_python_and_workspace() {
   if workspace_lacks "$state"; then build=yes; fi
   [[ -n $build || ${#lacking[@]} -gt 0 ]] || return 0
   check_disk
+  [[ -z $build || ! -f $building ]] || spare_fleets 'the workspace'
   /usr/bin/python3 -c 'import sys; sys.exit(sys.version_info >= (3, 12))' || compiles=' (compiles pybullet, some 10 min)'
   [[ -z $build ]] || rm -f "$setup_dir/workspace.stamp"
   if [[ -z $build ]]; then
@@ -371,7 +388,10 @@ prepare_python_and_workspace() {
     step "Building the workspace" "$setup_dir/log/build.log" make_and_compile
   fi
   stamp_sections "${lacking[@]}"
-  [[ -z $build ]] || printf '%s' "$state" >"$setup_dir/workspace.stamp"
+  [[ -n $build ]] || return 0
+  printf '%s' "$state" >"$setup_dir/workspace.stamp"
+  pids=$(fleets_here | paste -s -d ' ')
+  [[ -z $pids ]] || printf 'The fleet of process %s has the former sources until it is started again\n' "$pids"
 }
 
 # make_ros2_peer: installs ROS 2 into an environment of its own.

@@ -65,6 +65,13 @@ def ensure_images(extras: Sequence[str], fleet: bool = True) -> None:
         ensure_extra_image(extra, name)
 
 
+def is_outdated() -> bool:
+    """Returns whether the fleet's image was built from other sources than the checkout has now."""
+    if "PIONEER_IMAGE" in os.environ:
+        return False
+    return _label("pioneer") not in ("", source_hash())
+
+
 def ensure_image(name: str) -> None:
     """Builds the image ``name`` unless it is up to date with the sources.
 

@@ -54,6 +54,8 @@ def up(options: Namespace) -> int:
         _check_subnet(options.project)
     if plan.remark:
         say(plan.remark)
+    if plan.base and not swarm and image.is_outdated():
+        say(f"the sources have changed: this fleet keeps its image; for a new one {DOWN}")
     image.ensure_images(options.extras, fleet=options.update or not plan.base)
     if swarm:
         name = swarm.image(plan)

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -118,6 +119,71 @@ def test_an_interrupted_environment_is_made_again(tmp_path: Path) -> None:
     assert result.returncode == 0, result.stderr
     assert not (tmp_path / ".setup" / "venv" / "half").exists()
     assert result.stdout.count("done in") == 1
+
+
+FLEET = """
+import os, sys, time
+os.environ["PIONEER_FLEET_COMMAND"] = f"{os.readlink('/proc/self/ns/pid')}:{os.getpid()}:1"
+os.environ["PIONEER_ROOT"] = sys.argv[1]
+node = os.posix_spawn("/bin/sh", ["sh", "-c", "echo; read line"], os.environ)
+os.waitpid(node, 0)
+"""
+
+
+@pytest.fixture
+def fleet(tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
+    """Yields a command with a process that says which command and checkout it belongs to, as a fleet's nodes do."""
+    with subprocess.Popen(
+        [sys.executable, "-c", FLEET, tmp_path], stdin=-1, stdout=-1, text=True
+    ) as command:
+        assert command.stdout is not None
+        command.stdout.readline()
+        yield command
+        command.communicate(timeout=HANGS)
+
+
+BUILT = """
+make_and_compile() { mkdir -p $workspace/devel; touch $workspace/devel/setup.bash; }
+make_venv() { mkdir -p $venv; touch $venv/pyvenv.cfg; }
+pip_install() { true; }
+mkdir -p $workspace/src
+touch $root/requirements.txt
+"""
+
+
+def test_a_pull_under_a_running_fleet_builds_and_says_what_the_fleet_has(
+    tmp_path: Path, fleet: "subprocess.Popen[str]"
+) -> None:
+    first = run_bash(f"{BUILT} prepare_python_and_workspace", tmp_path)
+    assert first.returncode == 0, first.stderr
+    pulled = "touch $workspace/src/package.xml"
+    result = run_bash(f"{BUILT} {pulled}; prepare_python_and_workspace", tmp_path)
+    assert result.returncode == 0, result.stderr
+    said = f"The fleet of process {fleet.pid} has the former sources until it is started again\n"
+    assert result.stdout.endswith(said)
+
+
+@pytest.mark.parametrize(
+    ("pulled", "what"),
+    [
+        ("printf '## run\\nnew==1\\n' >$root/requirements.txt", "the Python environment"),
+        ("touch $workspace/src/package.xml $building", "the workspace"),
+    ],
+)
+def test_what_a_running_fleet_runs_from_is_not_removed(
+    tmp_path: Path, fleet: "subprocess.Popen[str]", pulled: str, what: str
+) -> None:
+    run_bash(f"{BUILT} prepare_python_and_workspace", tmp_path)
+    again = f"{BUILT} {pulled}; prepare_python_and_workspace"
+    result = run_bash(again, tmp_path)
+    said = f"pioneer: {what} must be made again, and a fleet runs from it (process {fleet.pid}): end it"
+    assert result.returncode == 1
+    assert result.stderr.startswith(said), result.stderr
+    assert (tmp_path / ".setup" / "venv" / "sections" / "run").exists()
+    fleet.communicate(timeout=HANGS)
+    result = run_bash(again, tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "done in" in result.stdout
 
 
 KILLED_BUILD = """

@@ -108,6 +108,7 @@ def engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FakeEngine:
     monkeypatch.setattr(up, "processors", lambda: 8.0)
     for name in ("ensure_image", "ensure_extra_image"):
         monkeypatch.setattr(image, name, lambda *_: None)
+    monkeypatch.setattr(image, "_label", lambda _: "")
     return fake
 
 
@@ -272,6 +273,28 @@ def test_a_fleet_keeps_its_subnet_in_a_shell_without_the_variable(
         "PIONEER_SUBNET is 10.1.3, and a fleet runs in 10.1.2: ./pioneer down first"
         in capsys.readouterr().err
     )
+
+
+def test_a_pull_under_a_running_fleet_leaves_it_alone_and_the_next_up_says_so(
+    engine: FakeEngine, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(image, "_label", lambda _: image.source_hash())
+    engine.up("--robots 2")
+    assert engine.up() == 0
+    said = (
+        "the sources have changed: this fleet keeps its image; for a new one ./pioneer down first"
+    )
+    assert said not in capsys.readouterr().out
+    monkeypatch.setattr(image, "_label", lambda _: "of former sources")
+    built: list[str] = []
+    monkeypatch.setattr(image, "ensure_image", built.append)
+    assert engine.up("--robots 3") == 0
+    assert said in capsys.readouterr().out
+    assert built == []
+    assert engine.composed == [("up", "-d", "--no-recreate")]
+    monkeypatch.setenv("PIONEER_IMAGE", "another")
+    assert engine.up() == 0
+    assert said not in capsys.readouterr().out
 
 
 def test_an_empty_password_that_a_full_disk_left_is_replaced(

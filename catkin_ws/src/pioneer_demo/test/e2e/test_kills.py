@@ -275,8 +275,12 @@ def is_litter(path):
 NOT_COPIED = (".git", ".setup", "build", "devel", "__pycache__")
 PACKAGES = ("pioneer_gazebo", "pioneer_kernels", "pioneer_msgs", "pioneer_node")
 """The copy's packages: messages, a kernel and programs, but not minutes of building."""
-BUILDING = ("packages", "messages", "kernels", "all", "environment", "section", "section and all")
+BUILDING = (
+    "packages", "messages", "kernels", "all", "environment", "section", "section and all", "everything",
+)  # fmt: skip
 """What is left to do for the set-up that is killed."""
+COMPILING = ("kernels", "everything")
+"""Those for which kernels are compiled; the others take them from the user's cache."""
 SECTION = "web record"
 SET_UP_SECTION = ("./pioneer", "run", "true", "fleet_page")
 """A command that needs the packages of ``SECTION``."""
@@ -318,7 +322,8 @@ class Checkout:
 
     def __init__(self, folder):
         self.folder = folder
-        self.environment = outside_the_workspace()
+        self._kernels = folder / "cache" / "pioneer" / "kernels"
+        self.environment = {**outside_the_workspace(), "XDG_CACHE_HOME": str(folder / "cache")}
         self.run("./pioneer", "setup")
         self.run(*SET_UP_SECTION)
         self.built = self._built()
@@ -338,12 +343,16 @@ class Checkout:
         touched = {"packages": "package.xml", "messages": "*.msg", "kernels": "*_kernel.py"}
         for path in sources.rglob(touched.get(kind, "none")):
             path.touch()
-        if kind.endswith("all"):
+        if kind in COMPILING:
+            shutil.rmtree(self._kernels)
+        if kind.endswith(("all", "everything")):
             shutil.rmtree(self.folder / "catkin_ws" / "build")
             shutil.rmtree(self.folder / "catkin_ws" / "devel")
-        if kind == "environment":
+        if kind == "everything":
+            shutil.rmtree(setup)
+        elif kind == "environment":
             (setup / "venv" / "sections" / "run").unlink()
-        if kind.startswith("section"):
+        elif kind.startswith("section"):
             pip = (setup / "venv" / "bin" / "pip", "uninstall", "-q", "-y")
             self.run(*pip, *(name.partition("==")[0] for name in self._requirements(SECTION)))
             for name in SECTION.split():
@@ -361,6 +370,8 @@ class Checkout:
         self.run(
             python, "-c", "import ctypes, sys; list(map(ctypes.CDLL, sys.argv[1:]))", *libraries
         )
+        kept = {checksum(path) for path in self._kernels.glob("*.so")}
+        assert [path for path in libraries if checksum(path) not in kept] == []
         built = self._built()
         differing = sorted(
             path for path in {*built, *self.built} if built.get(path) != self.built.get(path)
@@ -384,10 +395,11 @@ class Checkout:
 
     def _built(self):
         """Returns a checksum of each of these files; none of a compiled kernel's, which differs each time."""
-        return {
-            str(path): "" if path.suffix == ".so" else hashlib.sha256(path.read_bytes()).hexdigest()
-            for path in self._files()
-        }
+        return {str(path): "" if path.suffix == ".so" else checksum(path) for path in self._files()}
+
+
+def checksum(path):
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def outside_the_workspace():
