@@ -13,6 +13,7 @@ import contextlib
 import dataclasses
 import gc
 import json
+import logging
 import os
 import signal
 import socket
@@ -28,6 +29,7 @@ from typing import Any
 from pioneer_launch import process_title
 from pioneer_launch.forked_program import Program, settle
 from tcpros.descriptor import readable
+from tcpros.loop_faults import LoopFaults
 
 _LARGEST = 1 << 20
 """Maximum request size [bytes]; above the default limit of such a socket."""
@@ -36,6 +38,8 @@ _MOMENT = 0.05
 """Poll interval [s]: another thread may have read the report that this one waits for."""
 _WITHOUT_ROOM = 1.0
 """Pause in accepting clients while there is no descriptor for one [s]."""
+_AFTER_FAULT = 0.1
+"""Pause after an unexpected exception [s]."""
 _lent: list["ForkServer"] = []
 
 
@@ -232,27 +236,42 @@ class _Server:
         self._asked: dict[int, socket.socket] = {}
         self._guard = guard
         self._guests: set[socket.socket] = set()
+        self._accepts_from = 0.0  # monotonic [s]
+        self._has_news = False  # whether programs have ended that are not reported yet
 
     def serve(self) -> Program:
         """Serves requests until no client is left; returns only in the forked processes."""
         reader = _become_server()
-        accepts_from = 0.0
+        faults = LoopFaults(logging.getLogger("fork server"), "the fork server")
         while self._lines:
-            listeners = [self._guard.listener] if self._guard else []
-            if time.monotonic() < accepts_from:
-                listeners = []
-            ready = readable([*self._lines, *listeners, reader], _WITHOUT_ROOM)
-            if reader in ready:
-                os.read(reader, 4096)
-                self._report()
-            for listener in [one for one in listeners if one.fileno() in ready]:
-                if not self._accept(listener):
-                    accepts_from = time.monotonic() + _WITHOUT_ROOM
-            for line in [one for one in self._lines if one.fileno() in ready]:
-                program = self._request(line)
+            # A forked process leaves the loop with its program: exceptions of programs never get here.
+            with faults:
+                program = self._step(reader)
                 if program is not None:
                     return program
+            if faults.has_failed:
+                time.sleep(_AFTER_FAULT)
         os._exit(0)
+
+    def _step(self, reader: int) -> Program | None:
+        """Waits for requests and ends of programs, and handles them; returns a program in its forked process."""
+        accepts = self._guard is not None and time.monotonic() >= self._accepts_from
+        listeners = [self._guard.listener] if self._guard and accepts else []
+        ready = readable([*self._lines, *listeners, reader], _WITHOUT_ROOM)
+        self._has_news = self._has_news or reader in ready
+        if reader in ready:
+            os.read(reader, 4096)
+        if self._has_news:
+            self._report()
+            self._has_news = False
+        for listener in [one for one in listeners if one.fileno() in ready]:
+            if not self._accept(listener):
+                self._accepts_from = time.monotonic() + _WITHOUT_ROOM
+        for line in [one for one in self._lines if one.fileno() in ready]:
+            program = self._request(line)
+            if program is not None:
+                return program
+        return None
 
     def _accept(self, listener: socket.socket) -> bool:
         """Accepts a client; returns False if there is no descriptor for it, so that it has to wait."""
@@ -266,16 +285,15 @@ class _Server:
 
     def _request(self, line: socket.socket) -> Program | None:
         """Starts one program; returns it in the forked process, None in the server."""
-        streams: Sequence[int] = ()
         try:
             request, streams, *_ = socket.recv_fds(line, _LARGEST, _STREAMS)
+        except OSError:
+            self._drop(line)
+            return None
+        try:
             fields, lend = json.loads(request)
             program = Program(*fields)
-        except (
-            OSError,
-            ValueError,
-            TypeError,
-        ):  # an empty read at the end of the connection is not JSON either
+        except Exception:  # noqa: BLE001 - whatever a client sends; an empty read at its end is not JSON either
             allowed = False
         else:
             # Without a descriptor for each stream, some have not been passed.
@@ -296,10 +314,7 @@ class _Server:
             return True
         try:
             return self._guard.allows(program)
-        except (
-            OSError,
-            ValueError,
-        ):  # it cannot be read; the client shows the reason when it executes it
+        except Exception:  # noqa: BLE001 - no program, or it cannot be read: the client shows it when it executes it
             return False
 
     def _fork(
@@ -324,15 +339,17 @@ class _Server:
                 traceback.print_exc()
                 os._exit(1)
             return program
+        self._asked[pid] = line
         os.close(writer)
         _close(streams)
         if ours is not None and theirs is not None:
             ours.close()
             self._lines.append(theirs)
-        os.read(reader, 1)  # returns when settle has closed the write end
-        os.close(reader)
-        self._asked[pid] = line
-        self._send(line, [pid, None])
+        try:
+            os.read(reader, 1)  # returns when settle has closed the write end
+        finally:
+            self._send(line, [pid, None])  # the client waits for it
+            os.close(reader)
         return None
 
     def _become_program(

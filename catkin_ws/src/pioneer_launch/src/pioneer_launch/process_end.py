@@ -7,11 +7,14 @@ from collections.abc import Sequence
 
 from pioneer_node.adapters.end_request import EndRequest
 
+_UNSEEN = 0.1
+"""Wait time while processes cannot be waited for [s]: the caller polls them."""
+
 
 def await_end(
     pids: Sequence[int], bell: EndRequest, pause: float, longest: float | None = None
 ) -> None:
-    """Waits until one of the processes has ended, or ``bell`` is set or woken.
+    """Waits until one of the processes has ended, or ``bell`` is set or woken; briefly if no descriptor is left.
 
     Args:
         pids: the processes.
@@ -21,12 +24,14 @@ def await_end(
     """
     with contextlib.ExitStack() as opened:
         handles: list[int] = []
-        with contextlib.suppress(
-            ProcessLookupError
-        ):  # it has ended; then there is one handle fewer
+        try:
             for pid in pids:
                 handles.append(os.pidfd_open(pid))
                 opened.callback(os.close, handles[-1])
+        except ProcessLookupError:
+            pass  # it has ended; then there is one handle fewer
+        except OSError:  # no descriptor is left
+            pause = max(pause, _UNSEEN)
         poll = select.poll()
         for handle in handles:
             poll.register(handle, select.POLLIN)

@@ -1,5 +1,6 @@
 """Notifies roslaunch when a process ends, instead of two threads polling ten times a second."""
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -8,6 +9,7 @@ from typing import Any
 
 from pioneer_launch.process_end import await_end
 from pioneer_node.adapters.end_request import EndRequest
+from tcpros.loop_faults import LoopFaults
 
 LONGEST = 2.0
 """Maximum time roslaunch waits without an event [s]."""
@@ -24,21 +26,28 @@ class ProcessWatch:
 
     def __init__(self) -> None:
         self._bells: dict[int, EndRequest] = {}
+        self._faults = LoopFaults(logging.getLogger("roslaunch"), "roslaunch's process monitor")
 
     def sleep(self, seconds: float) -> None:
         """Waits for an event of this thread's monitor, or for any wake-up; at most `LONGEST`.
 
         While a process is not started or waits for its respawn, sleeps for ``seconds``.
         """
+        # roslaunch has no handler here: an exception would end its monitor, and no node would be started again.
+        with self._faults:
+            self._await_event(seconds)
+        if (
+            self._faults.has_failed
+        ):  # such as no descriptor left for a process: poll, as roslaunch does
+            time.sleep(seconds)
+
+    def _await_event(self, seconds: float) -> None:
         monitored: Iterable[Any] = getattr(threading.current_thread(), "procs", ())
         running: list[Any] = [getattr(process, "popen", None) for process in tuple(monitored)]
         if any(one is None or one.poll() is not None for one in running):
             time.sleep(seconds)
-            return
-        try:
+        else:
             await_end([one.pid for one in running], self._bell(), _REPORTED, LONGEST)
-        except OSError:  # no descriptor left for one of them: poll, as roslaunch does
-            time.sleep(seconds)
 
     def then_ring(self, method: Callable[..., Any]) -> Callable[..., Any]:
         """Wraps a method so that it wakes up all waiting threads when it returns."""

@@ -198,3 +198,71 @@ def test_a_refused_fork_is_an_error_and_a_later_one_starts(tmp_path: Path) -> No
         driver,
     )
     assert seen == "it cannot fork: no more processes\n" * 2 + "it runs\n0\n"
+
+
+INJECTS = """
+from pioneer_launch import fork_server
+OURS, calls, failing = os.getpid(), 0, int(os.environ["FAILING"])
+
+def injected(function):
+    def call(*arguments, **named):
+        global calls
+        calls += os.getppid() == OURS and os.getpid() != OURS
+        if calls == failing and os.getppid() == OURS:
+            calls += 1
+            raise RuntimeError("as asked")
+        return function(*arguments, **named)
+    return call
+
+fork_server.readable = injected(fork_server.readable)
+os.read, os.waitpid = injected(os.read), injected(os.waitpid)
+fork_server.socket.recv_fds = injected(fork_server.socket.recv_fds)
+server = start_server()
+"""
+
+
+@pytest.mark.parametrize("failing", range(1, 12))
+def test_the_server_survives_an_exception_of_every_call_it_makes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: int
+) -> None:
+    """Calls are: waiting, reading a request, waiting for the new process, noticing ends. Two programs make eleven."""
+    monkeypatch.setenv("FAILING", str(failing))
+    seen = drive(
+        tmp_path,
+        "print('it runs', flush=True)",
+        """
+        print(status(start()), flush=True)
+        print(status(start()), flush=True)
+        """,
+        START.replace("server = start_server()", INJECTS),
+    )
+    assert seen == "it runs\n0\n" * 2
+
+
+@pytest.mark.parametrize(
+    "request_text", ["[" * 100_000, "[[1, 2, 3], 4]", "[[[], {}, 5], 6]", "{}", "é"]
+)
+def test_an_invalid_request_of_a_client_costs_its_connection_only(
+    tmp_path: Path, request_text: str
+) -> None:
+    guarded = START.replace(
+        "server = start_server()",
+        "import socket\n"
+        "from pioneer_launch.fork_server import Guard, listen\n"
+        "path = os.path.join(FOLDER, 'socket')\n"
+        "server = start_server(Guard(listen(path), lambda program: bool(program.arguments[0].upper())))",
+    )
+    seen = drive(
+        tmp_path,
+        "print('it runs', flush=True)",
+        f"""
+        guest = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        guest.connect(path)
+        request = {request_text!r}.encode(errors="replace")
+        socket.send_fds(guest, [request], [0, 1, 2])
+        print(guest.recv(100), flush=True)
+        print(status(start()), flush=True)
+        """,
+        guarded,
+    )
+    assert seen == "b''\nit runs\n0\n"

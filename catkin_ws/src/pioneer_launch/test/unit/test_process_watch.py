@@ -11,7 +11,10 @@ from typing import Any
 
 import pytest
 
+from pioneer_launch import process_watch
+from pioneer_launch.process_end import await_end
 from pioneer_launch.process_watch import LONGEST, ProcessWatch
+from pioneer_node.adapters.end_request import EndRequest
 
 PATIENCE = 20.0
 
@@ -116,3 +119,57 @@ def test_a_lack_of_descriptors_is_polled_through(
     monitor.start()
     monitor.join(PATIENCE)
     assert 0.05 <= monitor.waited < LONGEST
+
+
+def test_a_computer_without_descriptors_polls_its_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The exception ended it, and its steps were left running."""
+
+    def no_descriptor(_pid: int) -> int:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(os, "pidfd_open", no_descriptor)
+    began = time.monotonic()
+    await_end([os.getpid()], EndRequest(), 0.0)
+    assert 0.09 < time.monotonic() - began < PATIENCE
+
+
+def test_roslaunchs_monitor_survives_an_exception_of_every_call_it_makes(
+    sleeper: subprocess.Popen[bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """roslaunch has no handler around its wait, which is replaced here."""
+    calls, failing = 0, 0
+
+    def injected(function: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any, **named: Any) -> Any:
+            nonlocal calls
+            calls += 1
+            if calls == failing:
+                raise RuntimeError("as asked")
+            return function(*arguments, **named)
+
+        return call
+
+    end_request = EndRequest()
+    end_request.wake()
+    monkeypatch.setattr(process_watch, "EndRequest", injected(lambda: end_request))
+    monkeypatch.setattr(end_request, "wait", injected(end_request.wait))
+    monkeypatch.setattr(os, "pidfd_open", injected(os.pidfd_open))
+    popen = SimpleNamespace(poll=injected(sleeper.poll), pid=sleeper.pid)
+
+    def run(watch: ProcessWatch) -> Monitor:
+        monitor = Monitor(watch, popen, seconds=0.05)
+        monitor.start()
+        monitor.join(PATIENCE)
+        assert not monitor.is_alive()
+        return monitor
+
+    run(ProcessWatch())
+    complete = calls
+    assert complete == 4
+    for number in range(1, complete + 1):
+        calls, failing, watch = 0, number, ProcessWatch()
+        assert run(watch).waited >= 0.05
+        calls = complete
+        end_request.wake()
+        assert 0 < run(watch).waited < LONGEST
+        assert calls >= complete + 3

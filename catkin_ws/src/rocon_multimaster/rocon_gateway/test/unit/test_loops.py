@@ -3,6 +3,7 @@
 import itertools
 import logging
 import os
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 import redis
 
 from pioneer_harness.wait import wait_until
+from rocon_gateway.doctor import examiner as doctors_examiner
 from rocon_gateway.doctor import facts
 from rocon_gateway.doctor.examination import Examination
 from rocon_gateway.doctor.examiner import Examiner
@@ -29,6 +31,7 @@ from rocon_gateway.master.liveness import NodeExaminer
 from rocon_gateway.node import gateway
 from rocon_gateway.node.gateway import GatewayNode
 from rocon_gateway.node.program_load import ProgramLoad
+from rocon_hub_protocol import discovery
 from rocon_hub_protocol.address import HubAddress
 from rocon_hub_protocol.code import Code, HubError
 from rocon_hub_protocol.key import record_key
@@ -260,14 +263,19 @@ def test_a_server_that_lets_us_join_and_then_answers_badly_counts_as_failing(
     os.close(writer)
 
 
-def test_the_search_for_hubs_survives_exceptions(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hubs_module, "RETRY", 0.001)
-    injectors = [Injector(1), Injector(2), Injector(3)]
-    for injector in injectors:
+def test_the_search_for_hubs_survives_an_exception_of_every_call_it_makes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Calls are: making the search, the view of the hubs, looking for hubs, resting while it is on one."""
+    for name, seconds in (("RETRY", 0.001), ("REST", 0.001), ("LOOK", 0.005)):
+        monkeypatch.setattr(hubs_module, name, seconds)
+    for failing in range(1, 16):
+        injector = Injector(failing)
         found = SimpleNamespace(
             sightings=injector.of([]), rest=injector.of(), interfaces=(), stack=""
         )
-        monkeypatch.setattr(hubs_module, "Discovery", lambda _changed, found=found: found)
+        monkeypatch.setattr(hubs_module, "Discovery", injector.of(found))
+        monkeypatch.setattr(Hubs, "view", injector.of(SimpleNamespace(connected=True)))
         hubs = Hubs(
             HubsConfig(discover=True),
             RECORD,
@@ -278,10 +286,53 @@ def test_the_search_for_hubs_survives_exceptions(monkeypatch: pytest.MonkeyPatch
         )
         assert injector.has_failed.wait(PATIENCE)
         before = injector.calls
-        wait_until(lambda i=injector, n=before: i.calls > n, "the search continues", PATIENCE)  # type: ignore[misc]
+        wait_until(lambda i=injector, n=before: i.calls > n + 10, "the search continues", PATIENCE)  # type: ignore[misc]
         hubs.shutdown()
         assert hubs._searcher is not None
         assert not hubs._searcher.is_alive()
+
+
+def test_a_search_for_hubs_that_began_by_half_is_begun_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Without the thread of its browser it found nothing, and was taken for open."""
+    closed = list[object]()
+    begin = Injector(1)
+    fake = SimpleNamespace(
+        Zeroconf=lambda *_, **__: object(),
+        ServiceBrowser=begin.of(),
+        IPVersion=SimpleNamespace(V4Only=4),
+        DNSQuestionType=SimpleNamespace(QM=1),
+    )
+    monkeypatch.setitem(sys.modules, "zeroconf", fake)
+    monkeypatch.setattr(discovery, "close_zeroconf", closed.append)
+    monkeypatch.setattr(discovery, "REOPEN", 0.0)
+    search = discovery.Discovery(list)
+    with pytest.raises(RuntimeError, match="as asked"):
+        search.sightings()
+    assert len(closed) == 1
+    assert search.sightings() == []
+    assert begin.calls == 2
+
+
+def test_the_examination_of_nodes_survives_an_exception_of_every_call_it_makes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Also one of the gateway's own function: it was never called again, and the gateway kept the dead node's rule."""
+    monkeypatch.setattr(liveness, "PERIOD", 0.001)
+    for failing in range(1, 4):
+        injector, told = Injector(failing), threading.Event()
+        changed = injector.of()
+        examiner = NodeExaminer(
+            "http://127.0.0.1:9", "/gateway", lambda c=changed, t=told: (c(), t.set())
+        )
+        monkeypatch.setattr(examiner, "_caller", SimpleNamespace(call=injector.of("http://one:1")))
+        monkeypatch.setattr(liveness, "refuses", injector.of(True))
+        examiner.examine(frozenset({"/one"}))
+        assert told.wait(PATIENCE)
+        assert injector.has_failed.is_set()
+        assert examiner.dead == {"/one"}
+        examiner.examine(frozenset())
 
 
 def test_the_examination_of_nodes_survives_exceptions_and_a_lack_of_threads(
@@ -327,40 +378,33 @@ def test_a_hub_that_connect_hub_could_not_join_is_not_joined_later(
     hubs.shutdown()
 
 
-class Session:
-    """A session that keeps what is published."""
+class AskedSession:
+    """A session over which the doctor has asked."""
 
     name = "robot"
 
-    def __init__(self) -> None:
-        self.client = self
-        self.published = threading.Event()
-
-    def publish(self, _key: str, _text: str) -> None:
-        self.published.set()
+    def __init__(self, publish: Callable[..., Any]) -> None:
+        self.client = SimpleNamespace(publish=publish)
 
 
-def test_an_examination_that_fails_does_not_silence_the_doctor(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize("failing", range(1, 4))
+def test_the_doctors_examiner_survives_an_exception_of_every_call_it_makes(
+    monkeypatch: pytest.MonkeyPatch, failing: int
 ) -> None:
-    failed = threading.Event()
-
-    def fail(*_: Any) -> Examination:
-        failed.set()
-        raise RuntimeError("as asked")
-
-    session: Any = Session()
-    examiner = Examiner()
-    monkeypatch.setattr(facts, "examination", fail)
-    examiner.asked(session, "0" * 32)
-    assert failed.wait(PATIENCE)
+    injector = Injector(failing)
+    session: Any = AskedSession(injector.of())
+    found = Examination("robot", 0.0, "host", "", "", False, "")
+    monkeypatch.setattr(facts, "examination", injector.of(found))
+    monkeypatch.setattr(doctors_examiner, "text_from_examination", injector.of("text"))
+    asked = Examiner()
+    asked.asked(session, "0" * 32)
+    assert injector.has_failed.wait(PATIENCE)
     for thread in threading.enumerate():
         if thread.name == "examination":
             thread.join(PATIENCE)
-    found = Examination("robot", 0.0, "host", "", "", False, "")
-    monkeypatch.setattr(facts, "examination", lambda *_: found)
-    examiner.asked(session, "1" * 32)
-    assert session.published.wait(PATIENCE)
+    before = injector.calls
+    asked.asked(session, "1" * 32)
+    wait_until(lambda: injector.calls == before + 3, "the next examination's answer", PATIENCE)
 
 
 class RecordSession:

@@ -75,7 +75,12 @@ class Discovery:
             if interfaces != self.interfaces or self._zeroconf is None:
                 self._close()
                 self.interfaces = interfaces
-                self._open()
+                try:
+                    self._open()
+                except Exception:
+                    # Half a search, such as one without its thread, would find nothing and never be opened again.
+                    self._close()
+                    raise
         with self._lock:
             return sorted(self._sightings.values())
 

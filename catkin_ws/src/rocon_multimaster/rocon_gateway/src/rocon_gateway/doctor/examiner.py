@@ -46,26 +46,21 @@ class Examiner:
                     self._waiting.pop(session)
 
     def _look(self, session: HubSession) -> None:
-        # Imported on first use.
-        from rocon_gateway.doctor.facts import examination
-
-        seen = ""
         try:
-            seen = text_from_examination(examination(session, session.name))
+            self._examine(session)
         except (redis.RedisError, OSError):
             pass  # the hub is lost, and the request with it
         except Exception:  # top level of this thread: any exception here is a bug
             _LOGGER.critical("internal error in an examination; it is not answered", exc_info=True)
+
+    def _examine(self, session: HubSession) -> None:
+        # Imported on first use.
+        from rocon_gateway.doctor.facts import examination
+
+        try:
+            seen = text_from_examination(examination(session, session.name))
         finally:
             with self._lock:
                 requests = self._waiting.pop(session)
-        if seen:
-            _answer(session, requests, seen)
-
-
-def _answer(session: HubSession, requests: set[str], seen: str) -> None:
-    try:
         for request in requests:
             session.client.publish(examined_key(request), seen)
-    except (redis.RedisError, OSError):
-        return

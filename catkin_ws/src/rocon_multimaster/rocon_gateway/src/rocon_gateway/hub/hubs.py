@@ -271,12 +271,14 @@ class Hubs:
     # mDNS search
 
     def _search(self) -> None:
-        discovery = Discovery(self._woken.set)
+        discovery: Discovery | None = None
         rest_at = 0.0
         faults = LoopFaults(self._logger, "the search for hubs")
         while not self._stopping:
             with faults:
                 now = time.monotonic()
+                if discovery is None:
+                    discovery = Discovery(self._woken.set)
                 if not self.view().connected:
                     rest_at = now + LOOK
                 if now < rest_at:
@@ -290,7 +292,8 @@ class Hubs:
                 self._woken.wait(RETRY)
             self._woken.clear()
         with faults:
-            discovery.rest()
+            if discovery is not None:
+                discovery.rest()
 
     def _follow_as_possible(self, discovery: Discovery) -> None:
         try:

@@ -57,6 +57,9 @@ ALIVE = 2.0
 HEARTBEAT = 0.5
 """Heartbeat period [s]."""
 
+KEPT = 30 * 86400.0
+"""How long the hub keeps a gateway's text after its last heartbeat [s]."""
+
 FORGOTTEN = object()
 """In place of a request that was written, but may not be on the hub any more."""
 
@@ -210,7 +213,8 @@ class HubSession:
             pipe.sismember(GATEWAYS_KEY, self.name)
             pipe.get(SALT_KEY)
             pipe.pexpire(alive_key(self.name), int(ALIVE * 1000))
-            holder, listed, salt, _ = pipe.execute()
+            pipe.pexpire(kept_key(self.name), int(KEPT * 1000))
+            holder, listed, salt, *_ = pipe.execute()
         self.salt = salt or self.salt
         return holder, bool(listed)
 
@@ -343,13 +347,14 @@ class HubSession:
             return ""
 
     def keep(self, text: str) -> bool:
-        """Stores a text on the hub for the next gateway of our name; it outlives our session. Empty deletes it.
+        """Stores a text on the hub for the next gateway of our name; it outlives us by `KEPT`. Empty deletes it.
 
         Returns whether it did: not if we have lost our name, which `live` will report.
         """
         if text:
+            lifetime = int(KEPT * 1000)
             return self._execute_as(
-                (self.instance,), lambda pipe: pipe.set(kept_key(self.name), text)
+                (self.instance,), lambda pipe: pipe.set(kept_key(self.name), text, px=lifetime)
             )
         return self._delete_as((self.instance,), lambda pipe: pipe.delete(kept_key(self.name)))
 

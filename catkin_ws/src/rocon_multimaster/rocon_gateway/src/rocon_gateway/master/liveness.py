@@ -92,6 +92,7 @@ class NodeExaminer:
         self._lock = threading.Lock()
         self._nodes: frozenset[str] = frozenset()
         self._dead: frozenset[str] = frozenset()
+        self._is_told = True
         self._thread: threading.Thread | None = None
         self._woken = threading.Event()
         self._faults = LoopFaults(logging.getLogger("rosout"), "the examination of nodes")
@@ -138,10 +139,11 @@ class NodeExaminer:
         found = frozenset(node for node in nodes if self._is_dead(node))
         with self._lock:
             found &= self._nodes
-            is_new = found != self._dead
+            self._is_told = self._is_told and found == self._dead
             self._dead = found
-        if is_new:
+        if not self._is_told:
             self._changed()
+            self._is_told = True
 
     def _is_dead(self, node: str) -> bool:
         try:

@@ -18,7 +18,7 @@ from schedule import drawn
 from simulated_thread import SimulatedThread
 
 from rocon_gateway.hub import session as hub_session
-from rocon_gateway.hub.session import HubSession
+from rocon_gateway.hub.session import KEPT, HubSession
 from rocon_hub.registry import Registry
 from rocon_hub_protocol.key import requests_key
 from rocon_hub_protocol.record import PeerRequest, Record
@@ -65,6 +65,25 @@ def test_a_request_withdrawn_while_its_receiver_joins_again_is_deleted(
     session.forget("receiver")
     session.write(record, {})
     assert hub.hgetall(requests_key("receiver")) == {}
+
+
+def test_a_text_is_kept_for_some_weeks_after_the_last_heartbeat(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It was kept for ever, also of gateways that never come again."""
+    now = 0.0
+    hub = RedisModel(1, lambda: now, lambda _subscription, _message: None)
+    Registry(ClientModel(lambda: hub), 60.0).open("Pioneer Hub")
+    monkeypatch.setattr(hub_session, "redis_client", lambda *_: ClientModel(lambda: hub))
+    session = HubSession(HUB, OPEN, "robot", "first run")
+    session.join(Record("robot", "first run", "host", 1, False), {})
+    assert session.keep("text")
+    now = 0.9 * KEPT
+    session.live()
+    now = 1.8 * KEPT
+    assert session.kept() == "text"
+    now = 1.9 * KEPT + 1.0
+    assert session.kept() == ""
 
 
 def main(first: int, seconds: float) -> int:
