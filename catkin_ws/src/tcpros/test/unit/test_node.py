@@ -21,6 +21,7 @@ from tcpros.node import Node
 from tcpros.node_context import NodeContext
 from tcpros.reactor import BUFFER_SIZE, Reactor
 from tcpros.topic_source import Sender, TopicSource
+from tcpros.xmlrpc_client import NoAnswer
 
 SLOW = 0.5
 """How long the master takes to register [s], unless the node unregisters meanwhile."""
@@ -158,60 +159,172 @@ class HeldMaster:
 
     def __init__(self) -> None:
         self.called: list[str] = []
-        self._held: list[Callable[[], object]] = []
+        self._held: list[tuple[Callable[[object], object], Callable[[str], object]]] = []
 
     def call(
         self,
         method: str,
         _arguments: tuple[object, ...],
         done: Callable[[object], object],
-        _failed: Callable[[str], object],
+        failed: Callable[[str], object],
     ) -> None:
         """Called by the node."""
         self.called.append(method)
-        self._held.append(lambda: done([]))
+        self._held.append((done, failed))
 
-    def answer(self) -> list[str]:
+    def answer(self, value: object = ()) -> list[str]:
         """Answers all calls; returns those that were made since the last call of this."""
         called, self.called = self.called, []
         held, self._held = self._held, []
-        for one in held:
-            one()
+        for done, _ in held:
+            done(value)
         return called
 
+    def give_no_answer(self) -> None:
+        """Lets all calls fail as if the master hung."""
+        held, self._held = self._held, []
+        for _, failed in held:
+            failed(NoAnswer("it hangs"))
 
-@pytest.mark.parametrize("role", ["Publisher", "Subscriber"])
+
+@pytest.fixture
+def held(quick: NodeContext) -> HeldMaster:
+    """The master of the context."""
+    quick.master = HeldMaster()  # type: ignore[assignment]
+    return quick.master  # type: ignore[return-value]
+
+
+class Use:
+    """A node's use of a topic as a publisher or a subscriber."""
+
+    def __init__(self, node: Node, role: str) -> None:
+        self._node, self._role = node, role
+        self._source: TopicSource | None = None
+
+    def begin(self) -> None:
+        """Takes the topic up."""
+        if self._role == "Publisher":
+            self._node.publish("/words", String)
+        else:
+            self._source = self._node.subscribe("/words", String, lambda *_: None)
+
+    def end(self) -> None:
+        """Gives the topic up."""
+        if self._source is None:
+            self._node.unpublish("/words")
+        else:
+            self._node.unsubscribe(self._source)
+
+
+ROLES = pytest.mark.parametrize("role", ["Publisher", "Subscriber"])
+
+
+@ROLES
 def test_a_topic_taken_up_again_is_registered_once_its_end_is_confirmed(
-    quick: NodeContext, role: str
+    quick: NodeContext, held: HeldMaster, role: str
 ) -> None:
     """The master may execute both calls in the other order: then the topic was in use and not registered."""
-    master = HeldMaster()
-    quick.master = master  # type: ignore[assignment]
     node = Node(quick, "/one", lambda _: None)
-    sources = list[TopicSource]()
-
-    def begin() -> None:
-        if role == "Publisher":
-            node.publish("/words", String)
-        else:
-            sources.append(node.subscribe("/words", String, lambda *_: None))
-
-    begin()
-    assert master.answer() == [f"register{role}"]
-    if role == "Publisher":
-        node.unpublish("/words")
-    else:
-        node.unsubscribe(sources.pop())
-    begin()
+    use = Use(node, role)
+    use.begin()
+    assert held.answer() == [f"register{role}"]
+    use.end()
+    use.begin()
     registered = list[str]()
     node.when_registered(lambda: registered.append("again"))
-    assert master.answer() == [f"unregister{role}"]
+    assert held.answer() == [f"unregister{role}"]
     assert registered == []
-    assert master.answer() == [f"register{role}"]
+    assert held.answer() == [f"register{role}"]
     assert registered == ["again"]
-    node.close(quick.reactor.stop)
-    master.answer()
-    run_for(quick)
+    node.close(lambda: None)
+    held.answer()
+
+
+@ROLES
+def test_a_topic_taken_up_again_before_its_end_is_called_is_not_unregistered(
+    quick: NodeContext, held: HeldMaster, role: str
+) -> None:
+    node = Node(quick, "/one", lambda _: None)
+    use = Use(node, role)
+    use.begin()
+    use.end()
+    use.begin()
+    assert held.answer() == [f"register{role}"] * 2
+    assert held.answer() == []
+    node.close(lambda: None)
+    held.answer()
+
+
+@ROLES
+def test_a_topic_that_has_just_ended_is_unregistered_by_a_node_that_ends(
+    quick: NodeContext, held: HeldMaster, role: str
+) -> None:
+    node = Node(quick, "/one", lambda _: None)
+    use = Use(node, role)
+    use.begin()
+    use.end()
+    node.close(lambda: None)
+    assert held.answer() == [f"register{role}"]
+    assert held.answer() == [f"unregister{role}"]
+
+
+def test_a_node_that_ends_unregisters_all_that_it_has_and_waits_for_every_answer(
+    quick: NodeContext, held: HeldMaster
+) -> None:
+    node = Node(quick, "/one", lambda _: None)
+    node.publish("/words", String)
+    node.subscribe("/answers", String, lambda *_: None)
+    node.serve("/ask", Empty, lambda _: b"")
+    node.watch("/rate", lambda _: None)
+    held.answer()
+    ended = list[str]()
+    node.register_again()
+    node.close(lambda: ended.append("ended"))
+    kinds = {"registerPublisher", "registerSubscriber", "registerService", "subscribeParam"}
+    assert set(held.answer()) == kinds
+    assert ended == []
+    ends = {"unregisterPublisher", "unregisterSubscriber", "unregisterService", "unsubscribeParam"}
+    assert set(held.answer()) == ends
+    assert ended == ["ended"]
+
+
+def test_a_restarted_masters_answer_older_than_a_notification_replaces_nothing(
+    quick: NodeContext, held: HeldMaster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = Node(quick, "/one", lambda _: None)
+    source = node.subscribe("/words", String, lambda *_: None)
+    values = list[object]()
+    node.watch("/rate", values.append)
+    held.answer()
+    updates = list[object]()
+    monkeypatch.setattr(source, "update", updates.append)
+    values.clear()
+    node.register_again()
+    source.notify(["http://127.0.0.1:9/"])
+    node._watched["/rate"](7)
+    held.answer()
+    assert updates == [["http://127.0.0.1:9/"]]
+    assert values == [7]
+    node.register_again()
+    held.answer([])
+    assert updates[1:] == [[]]
+    node.close(lambda: None)
+    held.answer()
+
+
+def test_each_time_that_the_master_hangs_is_logged_once(
+    quick: NodeContext, held: HeldMaster, caplog: pytest.LogCaptureFixture
+) -> None:
+    node = Node(quick, "/one", lambda _: None)
+    for outage in (1, 2):
+        node.publish(f"/first{outage}", String)
+        node.publish(f"/second{outage}", String)
+        held.give_no_answer()
+        assert caplog.text.count("the master does not answer") == outage
+        node.publish(f"/third{outage}", String)
+        held.answer()
+    node.close(lambda: None)
+    held.answer()
 
 
 def test_a_withdrawn_topic_is_unregistered_and_its_subscribers_are_disconnected(
