@@ -60,6 +60,7 @@ class LiveWorld(World):
         self.logger = logging.Logger("simulation")
         self.logger.addHandler(self.log)
         self.threads: list[SimulatedThread] = []
+        self.opening: list[LiveClient] = []  #: the connection of the session that is opened
         self.stack = ExitStack()
         self._replace()
         super().__init__(seed, faults)
@@ -143,6 +144,9 @@ class LiveWorld(World):
             return bool(real_readable([one], 0.0))
         return bool(one.can_read())
 
+    def _client(self, *_: object) -> LiveClient:
+        return self.opening.pop()
+
     def _replace(self) -> None:
         """Replaces threads, time, chance and waiting in the hub client."""
         replaced: dict[str, Any] = {
@@ -153,6 +157,8 @@ class LiveWorld(World):
         }
         for name, substitute in replaced.items():
             self.stack.enter_context(mock.patch.object(hub_client, name, substitute))
+        # Taken at once by the session: threads that open sessions take turns, and each would undo another's patch.
+        self.stack.enter_context(mock.patch.object(hub_session, "redis_client", self._client))
         no_hub = HubError(Code.HUB_CONNECTION_UNRESOLVABLE, "no hub there")
         self.stack.enter_context(mock.patch.object(hub_session, "unreachable", return_value=no_hub))
 
@@ -246,9 +252,8 @@ class LiveProcess(Process):
         self.thread.nudge()
 
     def _open(self, _way: Candidate) -> HubSession:
-        client = LiveClient(self.world, self)
-        with mock.patch.object(hub_session, "redis_client", return_value=client):
-            return HubSession(HUB, OPEN, self.name, self.instance)
+        self.world.opening.append(LiveClient(self.world, self))
+        return HubSession(HUB, OPEN, self.name, self.instance)
 
     def subscribed(self, events: Subscription) -> None:
         """Called with the session's subscription."""
