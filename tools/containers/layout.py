@@ -93,7 +93,7 @@ def stack_text(shipped: str, robots: int, base_on: str, factor: float) -> str:
     secrets += "".join(f"  {name}:\n    file: ${{PIONEER_TLS_DIRECTORY}}/{name}\n" for name in TLS)
     return (
         f'# Made of docker/compose.yaml by ./pioneer up --swarm.\nversion: "3.8"\n{computer}\n'
-        "  ROCON_TLS_DIRECTORY: /run/secrets\n  WAYPOINT_QUEUE_FILE: /var/lib/pioneer/kept/waypoints.json\n"
+        "  ROCON_TLS_DIRECTORY: /run/secrets\n"
         f"\nservices:\n{services}"
         f"networks:\n  robots:\n    driver: overlay\n    internal: true\n\nsecrets:\n{secrets}"
     )

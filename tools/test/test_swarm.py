@@ -41,7 +41,7 @@ def test_the_stack_has_the_computers_of_the_compose_file_with_tls_and_no_publish
         service, before = made["services"][name], composed["services"][like]
         added = set(service["environment"]) - set(before["environment"])
         assert service["environment"].items() >= before["environment"].items()
-        assert added == {"ROCON_TLS_DIRECTORY", "WAYPOINT_QUEUE_FILE"}
+        assert added == {"ROCON_TLS_DIRECTORY"}
         assert (service["command"], service["image"]) == (before["command"], before["image"])
         assert (
             set(service["secrets"])

@@ -1,6 +1,8 @@
 """Robots on errands, each observed by its own computer, for tests of the effects of faults."""
 
 import json
+import math
+import re
 import subprocess
 import threading
 import time
@@ -11,6 +13,7 @@ from tested_fleet import PATIENCE, Fleet
 
 from containers.engine import Computer
 from containers.report import REPORT
+from pioneer_harness.wait import wait_until
 
 ROUNDS: dict[int, tuple[tuple[float, float], ...]] = {
     1: ((-4.0, -8.5), (-4.0, -12.0), (-2.0, -10.0)),
@@ -31,6 +34,9 @@ ROUND, ACROSS = slice(None), slice(1, 2)
 ODOM_GAP, SCAN_GAP = 0.5, 1.0
 """A robot of this fleet stops after this time without odometry (move_base's odom_timeout); scans come at a tenth of
 odometry's rate. Both in [s] of simulated time, which a busy machine only slows down."""
+
+NEAR = 0.4
+"""A robot is at a place below this distance [m]: goal tolerance plus localisation error."""
 
 Report = Mapping[str, Any]
 
@@ -168,3 +174,25 @@ class Errands:
         """Abandons all errands."""
         for errand in self.sent:
             errand.abandon()
+
+
+def place(fleet: Fleet, number: int) -> tuple[float, float]:
+    """Returns a robot's position in the simulator [m]."""
+    model = f"{{model_name: pioneer{number}}}"
+    said = fleet.execute("aadiworkstation", "rosservice", "call", "/gazebo/get_model_state", model)
+    x, y = (float(word) for word in re.findall(r"position:\s*x: (\S+)\s*y: (\S+)", said)[0])
+    return x, y
+
+
+def finishes(fleet: Fleet, number: int, part: slice = ROUND) -> None:
+    """Checks that a robot ends its round, or the ``part`` of it, with waypoints that are not sent again."""
+    end = ROUNDS[number][part][-1]
+    wait_until(
+        lambda: math.dist(place(fleet, number), end) < NEAR, f"pioneer{number} at {end}", PATIENCE
+    )
+    wait_until(lambda: _is_idle(fleet, number), f"an empty queue of pioneer{number}", PATIENCE)
+
+
+def _is_idle(fleet: Fleet, number: int) -> bool:
+    report = fleet.report(f"aadi{number}", "--until", "ready")
+    return bool(report["reached"] == report["received"])

@@ -74,7 +74,7 @@ def write_fleet(folder: Path) -> None:
         assert block in text
         text = text.replace(block, f"{block}    volumes: ['{own}:/goals']\n")
     text, count = re.subn(
-        "^  REAL_TIME_FACTOR:", "  WAYPOINT_QUEUE_FILE: /goals/queue.json\n\\g<0>", text, flags=re.M
+        "^  WAYPOINT_QUEUE_FILE: .*$", "  WAYPOINT_QUEUE_FILE: /goals/queue.json", text, flags=re.M
     )
     assert count == 1
     file = written_compose(PROJECT)

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import pytest
-from errand import ACROSS, ROUNDS, Errand, Errands
+from errand import ACROSS, ROUNDS, Errand, Errands, finishes, place
 from tested_fleet import PATIENCE, Fleet, cut, may_have_base, mend
 
 from containers.engine import Computer, output
@@ -24,18 +24,8 @@ BASE = "aadiworkstation"
 ALL = (1, 2, 3)
 CUT = 20.0
 """How long a cable is unplugged [s]: long enough for the swarm to mark the machine as down."""
-NEAR, AWAY = 0.4, 1.0
-"""A robot is back below the first distance (goal tolerance plus localisation error), and on its way above the second
-[m]."""
-
-
-def place(fleet: Fleet, number: int) -> tuple[float, float]:
-    """Returns a robot's position in the simulator [m]."""
-    said = fleet.execute(
-        BASE, "rosservice", "call", "/gazebo/get_model_state", f"{{model_name: pioneer{number}}}"
-    )
-    x, y = (float(word) for word in re.findall(r"position:\s*x: (\S+)\s*y: (\S+)", said)[0])
-    return x, y
+AWAY = 1.0
+"""A robot is on its way above this distance from the end of its round [m]."""
 
 
 def robots_on(fleet: Fleet, host: Host) -> list[int]:
@@ -90,17 +80,6 @@ def send(errands: Errands) -> dict[int, Errand]:
             PATIENCE,
         )
     return sent
-
-
-def finishes(fleet: Fleet, number: int) -> None:
-    """Checks that a robot reaches its remaining waypoints, which are not sent again, and ends where its round ends."""
-    wait_until(lambda: from_home(fleet, number) < NEAR, f"return of pioneer{number}", PATIENCE)
-    wait_until(lambda: is_idle(fleet, number), f"an empty queue of pioneer{number}", PATIENCE)
-
-
-def is_idle(fleet: Fleet, number: int) -> bool:
-    report = fleet.report(f"aadi{number}", "--until", "ready")
-    return bool(report["reached"] == report["received"])
 
 
 @contextmanager
