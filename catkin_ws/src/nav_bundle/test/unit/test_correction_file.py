@@ -160,3 +160,20 @@ def test_where_both_places_look_alike_the_odometry_decides() -> None:
     correction = Correction(Pose(), ODOM)
     assert has_continued(correction, INITIAL, ODOM, lambda _: 0.9)
     assert not has_continued(correction, INITIAL, Pose(), lambda _: 0.9)
+
+
+def test_a_full_disk_delays_no_transform_and_is_said_once(tmp_path: Path) -> None:
+    """The correction is written with each estimate, some times a second."""
+    said: list[str] = []
+    node = SimpleNamespace(
+        _correction=CorrectionFile(str(tmp_path / "absent" / "correction")),
+        _odom_frame="odom",
+        _map_from_odom=Pose(),
+        _kept=None,
+        _unkept=SimpleNamespace(warn=said.append, end=lambda: None),
+    )
+    estimate = object()
+    for _ in range(3):
+        AmclNode._keep(node, estimate, ODOM)  # type: ignore[arg-type]
+    assert len(said) == 1
+    assert "absent" in said[0]

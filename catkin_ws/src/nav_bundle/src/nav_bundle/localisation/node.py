@@ -112,6 +112,8 @@ class AmclNode:
         self._map_frame, self._odom_frame, self._base_frame = self._listen()
         self._correction = CorrectionFile(config.correction_file)
         self._remembered = self._read_correction()
+        self._kept: Estimate | None = None  # the last one whose correction was written
+        self._unkept = StandingWarning("the pose is remembered again")
         self._broadcaster = TransformBroadcaster()
         self._pose_publisher = rospy.Publisher(
             "amcl_pose", PoseWithCovarianceStamped, queue_size=2, latch=True
@@ -265,7 +267,6 @@ class AmclNode:
             if update.estimate is not None:
                 self._estimate, self._map_from_odom = update.estimate, update.map_from_odom
                 self._publish_estimate(update.estimate, stamp)
-                self._remember(odom)
                 self._tell_if_lost()
             self._publish_cloud(stamp)
         self._dropping.end()
@@ -273,6 +274,7 @@ class AmclNode:
         self._diagnose()
         if self._estimate is not None:
             self._store.save(self._estimate, self._now)
+            self._keep(self._estimate, odom)
 
     def _tell_if_lost(self) -> None:
         lost, before = self._localisation.lost, self._lost
@@ -338,9 +340,16 @@ class AmclNode:
             rospy.logwarn("%s; starting at the initial pose", error)
             return None
 
-    def _remember(self, odom: Pose) -> None:
-        if self._map_from_odom is not None:
+    def _keep(self, estimate: Estimate, odom: Pose) -> None:
+        """Writes the correction of each new estimate; a full disk is said, and changes nothing else."""
+        if estimate is self._kept or self._map_from_odom is None:
+            return
+        self._kept = estimate
+        try:
             self._correction.write(Correction(self._map_from_odom, odom), self._odom_frame)
+            self._unkept.end()
+        except CorrectionFileError as error:
+            self._unkept.warn(str(error))
 
     def _go_on(self, remembered: Correction, odom: Pose, scan: Scan) -> None:
         """Restarts once at the remembered pose, moved by the odometry since the previous amcl ended."""
