@@ -7,9 +7,12 @@ import random
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 from gazebo_msgs import srv
@@ -22,11 +25,17 @@ from pioneer_harness.error import ProcessDiedError
 from pioneer_harness.masters import Master
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import wait_until
-from tcpros.client import Client
+from tcpros.client import Client, ClientError
 
 MEMBER = Path(__file__).with_name("lockstep_member.py")
 LOSSY_LINK = Path(__file__).with_name("lossy_link.py")
 PATIENCE = 90.0
+FAST = 4.0
+"""Real-time factor without lockstep."""
+MINUTES = float(os.environ.get("PIONEER_SEQUENCES_MINUTES", "0.1"))
+FIRST = int(os.environ.get("PIONEER_SEQUENCES_FIRST", "1"))
+ACTIONS = 60
+"""Actions of a random sequence."""
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"
@@ -37,7 +46,10 @@ RINGS = {"a": "one two", "b": "three"}
 
 
 class Fleet:
-    """The simulator with the ring ``a`` (``one`` and ``two``) and, if requested, the ring ``b`` (``three``)."""
+    """The simulator with the ring ``a`` (``one`` and ``two``) and, if requested, the ring ``b`` (``three``).
+
+    Without rings it is not in lockstep.
+    """
 
     def __init__(
         self,
@@ -48,13 +60,14 @@ class Fleet:
         silence: str,
         *remappings: str,
     ) -> None:
-        self.group, self.folder, self.diary = group, folder, folder / "diary"
+        self.group, self.folder, self.diary, self.rings = group, folder, folder / "diary", rings
         self.master = master
         self._environment = master.environment
         lockstep = {"rings": rings, "deadline": 2.0, "silence": silence}
-        master.set_param(
-            "/gazebo", {"world_name": "blank", "real_time_factor": 0.0, "lockstep": lockstep}
+        pace = (
+            {"real_time_factor": 0.0, "lockstep": lockstep} if rings else {"real_time_factor": FAST}
         )
+        master.set_param("/gazebo", {"world_name": "blank", **pace})
         server = [
             "rosrun",
             "pioneer_gazebo",
@@ -253,9 +266,9 @@ def test_steps_pauses_and_runs_lose_no_message_and_extrapolate_no_pose(fleet: Fl
         seen = list(poses)
     assert len(seen) > 100
     start, x = seen[0]
-    for number, (time, place) in enumerate(seen):
-        assert time == pytest.approx(start + 0.01 * number, abs=1e-6), "no pose is left out"
-        assert place - x == pytest.approx(time - start, abs=1e-6)
+    for number, (stamp, place) in enumerate(seen):
+        assert stamp == pytest.approx(start + 0.01 * number, abs=1e-6), "no pose is left out"
+        assert place - x == pytest.approx(stamp - start, abs=1e-6)
     assert_nothing_lost(fleet, began)
 
 
@@ -271,3 +284,296 @@ def assert_nothing_lost(fleet: Fleet, began: float) -> None:
         assert heard[f"{now:.2f}", "one"] == before
         assert heard[f"{now:.2f}", "three"] == before
         assert heard[f"{now:.2f}", "two"] == before - {f"one@{then:.2f}"} | {f"one@{now:.2f}"}
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A message of ground truth: its time, and the body's position and velocity."""
+
+    time: float
+    position: tuple[float, float, float]
+    velocity: tuple[float, float, float]
+
+    def after(self, seconds: float) -> tuple[float, ...]:
+        """Returns where the body is later, if nothing but time changes it."""
+        return tuple(a + seconds * b for a, b in zip(self.position, self.velocity, strict=True))
+
+
+def is_near(one: Iterable[float], other: Iterable[float]) -> bool:
+    return list(one) == pytest.approx(list(other), abs=1e-5)
+
+
+class Watcher:
+    """Reads all messages of a body's ground truth; checks that none is left out and that the body does not jump.
+
+    It moves without forces: between two messages on a line, unless it was placed. Each placement and reset is expected
+    before it is requested.
+    """
+
+    PERIOD = 0.01
+
+    def __init__(self, client: Client, topic: str) -> None:
+        self._connection = client.subscribe("/gazebo", topic)
+        self._connection.be_patient()
+        self._condition = threading.Condition()
+        self._placed: list[Truth] = []
+        self._resets = 0
+        self._last: Truth | None = None
+        self.count = 0
+        self.faults: list[str] = []
+        self._thread = threading.Thread(target=self._receive)
+        self._thread.start()
+
+    def expect(
+        self, position: Iterable[float], velocity: Iterable[float], reset: bool = False
+    ) -> None:
+        """Expects that the body continues elsewhere, or that time begins again with it there."""
+        with self._condition:
+            self._placed.append(Truth(0.0, tuple(position), tuple(velocity)))  # type: ignore[arg-type]
+            self._resets += reset
+
+    def await_time(self, time: float) -> None:
+        """Waits for a message of a later time, after all resets: by then the body was placed as expected."""
+        with self._condition:
+            assert self._condition.wait_for(
+                lambda: not self._resets and self._last and self._last.time > time, PATIENCE
+            ), f"no messages after {self._last}; at {time} s"
+            self._placed.clear()
+
+    def close(self) -> None:
+        self._connection.interrupt()
+        self._thread.join()
+
+    def _receive(self) -> None:
+        with self._connection, contextlib.suppress(ConnectionError):
+            while True:
+                message = Odometry().deserialize(self._connection.read_frame())
+                point, speed = message.pose.pose.position, message.twist.twist.linear
+                now = Truth(
+                    message.header.stamp.to_sec(),
+                    (point.x, point.y, point.z),
+                    (speed.x, speed.y, speed.z),
+                )
+                with self._condition:
+                    self._check(now)
+                    self._last = now
+                    self.count += 1
+                    self._condition.notify_all()
+
+    def _check(self, now: Truth) -> None:
+        before = self._last
+        if before is None:
+            return
+        if now.time < before.time:
+            self._resets -= 1
+            if self._resets < 0 or now.time > self.PERIOD + 1e-6:
+                self.faults.append(f"time went from {before} to {now}")
+        elif now.time - before.time != pytest.approx(self.PERIOD, abs=1e-6):
+            self.faults.append(f"left out between {before} and {now}")
+        elif is_near(now.position, before.after(self.PERIOD)) and is_near(
+            now.velocity, before.velocity
+        ):
+            return
+        # It was placed since the message before, perhaps more than once.
+        for number, placed in enumerate(self._placed):
+            moved = [a - b for a, b in zip(now.position, placed.position, strict=True)]
+            seconds = time_moved(moved, placed.velocity)
+            if (
+                0.0 <= seconds <= self.PERIOD + 1e-6
+                and is_near(now.position, placed.after(seconds))
+                and is_near(now.velocity, placed.velocity)
+            ):
+                del self._placed[: number + 1]
+                return
+        self.faults.append(f"jumped from {before} to {now}; placed at {self._placed}")
+
+
+def time_moved(moved: Sequence[float], velocity: Sequence[float]) -> float:
+    """Returns how long a body at this velocity takes to move so far along it; 0 for one that stands."""
+    square = sum(part * part for part in velocity)
+    along = sum(a * b for a, b in zip(moved, velocity, strict=True))
+    return max(0.0, along / square + 1e-9) if square else 0.0
+
+
+class Services:
+    """Random calls of a running simulator's services, with what each must leave."""
+
+    def __init__(self, fleet: Fleet, client: Client, watcher: Watcher, seed: int) -> None:
+        self._fleet, self._client, self._watcher = fleet, client, watcher
+        self._chance = random.Random(seed)
+        self._running = False
+        self._models: list[str] = []
+        self._count = 0
+
+    def act(self) -> None:
+        """Does a random action."""
+        chosen = self._chance.choice(
+            (self._run, self._run, self._pause, self._step, self._step, self._place, self._place,
+             self._spawn, self._delete, self._reset_world, self._reset_simulation, self._configure)
+        )  # fmt: skip
+        chosen()
+        assert not self._watcher.faults, "\n".join(self._watcher.faults)
+
+    def _call(self, name: str, kind: Any, **fields: Any) -> None:
+        answer = self._client.call(f"/gazebo/{name}", kind, **fields)
+        assert getattr(answer, "success", True), (name, answer)
+
+    def _run(self) -> None:
+        self._call("unpause_physics", Empty)
+        self._running = True
+        now = self._client.call("/gazebo/get_world_properties", srv.GetWorldProperties).sim_time
+        self._watcher.await_time(now + self._chance.uniform(0.0, 0.6))
+
+    def _pause(self) -> None:
+        self._call("pause_physics", Empty)
+        self._running = False
+
+    def _step(self) -> None:
+        self._pause()
+        for _ in range(self._chance.randrange(1, 9)):
+            self._call("step", Trigger)
+
+    def _place(self) -> None:
+        """Sets the state of the watched body, or of another model."""
+        name = self._chance.choice(["floating", *self._models])
+        place = [self._chance.uniform(-3.0, 3.0) for _ in range(3)]
+        speed = [self._chance.choice((0.0, 1.0, -0.5)) for _ in range(3)]
+        home = START if name == "floating" else self._home(name)
+        place = [a + b for a, b in zip(place, home, strict=True)]
+        if name == "floating":
+            self._watcher.expect(place, speed)
+        state = ModelState(
+            name,
+            Pose(Point(*place), Quaternion(0, 0, 0, 1)),
+            Twist(Vector3(*speed), Vector3()),
+            "world",
+        )
+        self._call("set_model_state", srv.SetModelState, model_state=state)
+
+    def _spawn(self) -> None:
+        if len(self._models) > 4:
+            return
+        self._count += 1
+        name = f"m{self._count}"
+        text = FLOATING.replace("/truth", f"/{name}/truth").replace('"floating"', f'"{name}"')
+        place = Pose(Point(*self._home(name)), Quaternion(0, 0, 0, 1))
+        fields = {"model_name": name, "model_xml": text, "initial_pose": place}
+        self._call("spawn_sdf_model", srv.SpawnModel, **fields)
+        self._models.append(name)
+
+    @staticmethod
+    def _home(name: str) -> tuple[float, float, float]:
+        """Returns the middle of the space that a model has for itself."""
+        return 20.0 * int(name.removeprefix("m")), 0.0, 10.0
+
+    def _delete(self) -> None:
+        if self._models:
+            name = self._models.pop(self._chance.randrange(len(self._models)))
+            self._call("delete_model", srv.DeleteModel, model_name=name)
+
+    def clear(self) -> None:
+        """Deletes the models that are left."""
+        while self._models:
+            self._delete()
+
+    def _reset_world(self) -> None:
+        self._watcher.expect(START, STANDING)
+        self._call("reset_world", Empty)
+
+    def _reset_simulation(self) -> None:
+        self._watcher.expect(START, STANDING, reset=True)
+        self._call("reset_simulation", Empty)
+        self._run()
+
+    def _configure(self) -> None:
+        """Sets another physics step, which moves nothing; gravity stays off."""
+        self._call(
+            "set_physics_properties",
+            srv.SetPhysicsProperties,
+            **physics(self._client, self._chance),
+        )
+
+
+def physics(client: Client, chance: random.Random | None = None) -> dict[str, Any]:
+    """Returns settings without gravity, and another step if there is a ``chance`` to draw it from."""
+    now = client.call("/gazebo/get_physics_properties", srv.GetPhysicsProperties)
+    step = now.time_step if chance is None else chance.choice((1 / 600, 0.01, 0.02, 0.05))
+    factor = now.max_update_rate * now.time_step
+    return {"time_step": step, "max_update_rate": factor / step, "ode_config": now.ode_config}
+
+
+START, STANDING = (0.0, 0.0, 50.0), (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("fleet", [("", "abort"), ("a b", "abort")], indirect=True)
+def test_random_calls_of_services_lose_no_message_and_let_nothing_jump(
+    fleet: Fleet, record_property: Callable[..., None]
+) -> None:
+    """With and without lockstep: pause, step, reset, spawn, delete, set state, another physics step."""
+    in_lockstep = bool(fleet.rings)
+    if in_lockstep:
+        for name in ("one", "two", "three"):
+            fleet.start(name)
+        wait_until(lambda: len(fleet.times("three")) > 10, "ten periods", PATIENCE)
+    client = Client(fleet.master.uri, "/test")
+    wait_until(lambda: has_service(client, "/gazebo/step"), "the simulator", PATIENCE)
+    client.call("/gazebo/pause_physics", Empty)
+    client.call("/gazebo/set_physics_properties", srv.SetPhysicsProperties, **physics(client))
+    answer = client.call(
+        "/gazebo/spawn_sdf_model",
+        srv.SpawnModel,
+        model_name="floating",
+        model_xml=FLOATING,
+        initial_pose=Pose(Point(*START), Quaternion(0, 0, 0, 1)),
+    )
+    assert answer.success, answer.status_message
+    watcher = Watcher(client, "/truth")
+    end = time.monotonic() + MINUTES * 60.0
+    seed = FIRST
+    try:
+        while seed == FIRST or time.monotonic() < end:
+            services = Services(fleet, client, watcher, seed)
+            try:
+                for _ in range(ACTIONS):
+                    services.act()
+            except AssertionError as error:
+                raise AssertionError(f"seed {seed}: {error}") from error
+            services.clear()
+            seed += 1
+        client.call("/gazebo/pause_physics", Empty)
+    finally:
+        watcher.close()
+    assert watcher.faults == []
+    assert watcher.count > 100
+    record_property("sequences", seed - FIRST)
+    record_property("messages", watcher.count)
+    if in_lockstep:
+        assert_every_period_is_complete(fleet)
+
+
+def has_service(client: Client, name: str) -> bool:
+    try:
+        client.ask_master("lookupService", name)
+    except ClientError:
+        return False
+    return True
+
+
+def assert_every_period_is_complete(fleet: Fleet) -> None:
+    """Checks that between two resets each member acted in each period, on the messages of the period before."""
+    said: dict[str, list[tuple[float, set[str]]]] = {}
+    for line in fleet.lines():
+        stamp, name, *words = line.split()
+        said.setdefault(name, []).append((float(stamp), set(",".join(words).split(","))))
+    assert set(said) == {"one", "two", "three"}
+    for name, entries in said.items():
+        # Of a reset's first two periods the one before may be of the former time.
+        for number in range(2, len(entries)):
+            (first, _), (then, _), (now, heard) = entries[number - 2 : number + 1]
+            if not first < then < now:
+                continue
+            assert now - then == pytest.approx(0.05, abs=1e-6), f"{name} left a period out"
+            before = {f"{other}@{then:.2f}" for other in said}
+            if name == "two":
+                before = before - {f"one@{then:.2f}"} | {f"one@{now:.2f}"}
+            assert heard == before, f"{name} at {now:.2f}"

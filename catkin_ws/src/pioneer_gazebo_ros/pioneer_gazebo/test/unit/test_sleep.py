@@ -1,10 +1,12 @@
-"""Bodies that sleep in the engine wake when what carries them goes away."""
+"""Bodies that sleep in the engine wake when what carries them goes away, and when they are moved."""
 
 from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 
+from pioneer_gazebo.physics.engine import Physics, Velocity
+from pioneer_gazebo.simulation.actor import Wrench
 from pioneer_gazebo.simulation.schedule import TICK_RATE
 from pioneer_gazebo.simulation.simulation import Simulation
 from pioneer_gazebo.world.model import Inertia, Model
@@ -88,3 +90,68 @@ def test_a_distant_robot_sleeps_on(
     simulation.remove("upper")
     simulation.advance(simulation.tick + TICK_RATE)
     assert simulation.pose(sleeping) == before
+
+
+WEIGHTLESS = Physics(gravity=(0.0, 0.0, 0.0))
+STEPS = (1 / 600, 0.01, 0.02, 0.05)
+
+
+def motion(simulation: Simulation, ticks: int = TICK_RATE // 2) -> list[Pose]:
+    """Returns the poses of the box ``b`` at each step from now on."""
+    entity, begin = simulation.entity("b"), simulation.tick
+    poses = []
+    while simulation.tick < begin + ticks:
+        simulation.advance(simulation.tick + round(simulation.physics.step * TICK_RATE))
+        poses.append(simulation.pose(entity))
+    return poses
+
+
+@pytest.mark.parametrize("step", STEPS)
+@pytest.mark.parametrize("gravity", [0.0, -9.81])
+@pytest.mark.parametrize("spin", [0.0, 0.7])
+def test_a_sleeping_body_that_is_placed_with_a_velocity_moves_as_one_that_is_awake(
+    simulate: MakeSimulation,
+    box: Callable[..., Model],
+    step: float,
+    gravity: float,
+    spin: float,
+) -> None:
+    runs = []
+    for asleep in (True, False):
+        simulation = simulate()
+        simulation.configure(Physics(step, gravity=(0.0, 0.0, gravity)))
+        simulation.add_model(box("b", Pose((0.0, 0.0, 0.1)), (0.2, 0.2, 0.2), static=False))
+        simulation.advance(ASLEEP if asleep else 0)
+        velocity = Velocity((1.0, -0.5, 0.3), (0.0, 0.0, spin))
+        simulation.place("b", Pose((2.0, 1.0, 5.0)), velocity)
+        runs.append(motion(simulation))
+    for sleeper, other in zip(*runs, strict=True):
+        assert sleeper.position == pytest.approx(other.position, abs=1e-3)
+        assert sleeper.yaw == pytest.approx(other.yaw, abs=1e-3)
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_a_sleeping_body_gets_the_impulse_of_a_wrench(
+    simulate: MakeSimulation, box: Callable[..., Model], step: float
+) -> None:
+    simulation = simulate()
+    simulation.configure(replace(WEIGHTLESS, step=step))
+    simulation.add_model(box("b", Pose((0.0, 0.0, 5.0)), (0.2, 0.2, 0.2), static=False))
+    simulation.advance(ASLEEP)
+    entity, first = simulation.entity("b"), simulation.tick
+    nothing = (0.0, 0.0, 0.0)
+    force, last = (100.0, 0.0, 0.0), first + 0.01 * TICK_RATE
+    simulation.push(Wrench(entity, 0, force, nothing, None, first, last))
+    motion(simulation)
+    assert simulation.velocity(entity).linear == pytest.approx((1.0, 0.0, 0.0), abs=0.03)
+
+
+def test_a_sleeping_body_on_the_ground_that_gets_a_velocity_slides(
+    simulate: MakeSimulation, box: Callable[..., Model]
+) -> None:
+    simulation = simulate(box("b", Pose((0.0, 0.0, 0.1)), (0.2, 0.2, 0.2), static=False))
+    simulation.advance(ASLEEP)
+    simulation.place("b", simulation.pose(simulation.entity("b")), Velocity((1.0, 0.0, 0.0)))
+    poses = motion(simulation)
+    assert poses[-1].position[0] > 0.03
+    assert all(pose.position[2] == pytest.approx(0.1, abs=0.005) for pose in poses)

@@ -1,5 +1,6 @@
 """The physics engine: implements core's `Engine` with pybullet, headless or with its viewer."""
 
+import math
 import os
 import socket
 from collections.abc import Sequence
@@ -19,7 +20,7 @@ from pioneer_gazebo.physics.bullet_shape import (
 from pioneer_gazebo.physics.engine import Contact, EngineError, JointReading, Physics, Velocity
 from pioneer_gazebo.physics.quiet_pybullet import pybullet
 from pioneer_gazebo.world.model import PlacedCollision
-from pioneer_gazebo.world.pose import Pose, Vector, opposite, rotated
+from pioneer_gazebo.world.pose import Pose, Vector, added, opposite, rotated
 
 
 def client_with_window() -> int:
@@ -68,6 +69,8 @@ CARRYING = 0.7
 NEAR = 0.05
 """A sleeping body wakes if something within this distance [m] of it is moved or removed."""
 
+_NOWHERE = (0.0, 0.0, 0.0)
+
 FARTHEST = 1e3
 """Depth below the origin at which support ray casts end [m]."""
 
@@ -85,17 +88,20 @@ class BulletEngine:
         self._meshes = MeshShapes(self._client)
         self._made: dict[int, Made] = {}
         self._resting: set[int] = set()
+        #: since the last step: velocities that were set, and pushes, of bodies that may have slept
+        self._given: dict[int, Velocity] = {}
+        self._pushes: list[tuple[int, int, Vector, Vector, Vector]] = []
         self._ground: list[int] = []
         self._obstacles: list[int] = []
         self._ground_set: frozenset[int] = frozenset()
-        self._fall: Vector = (0.0, 0.0, 0.0)
+        self._fall: Vector = (0.0, 0.0, 0.0)  # velocity that gravity adds in a step
         self.configure(physics or Physics())
 
     def configure(self, physics: Physics) -> None:
         x, y, z = (part * physics.step for part in physics.gravity)
         if (x, y, z) != self._fall:
             self._wake_all()
-        self._fall = x, y, z
+        self._fall, self._step = (x, y, z), physics.step
         pybullet.setGravity(*physics.gravity, physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=physics.step,
@@ -143,10 +149,50 @@ class BulletEngine:
         self._wake_neighbours(handle)
         del self._made[handle]
         self._resting.discard(handle)
+        self._given.pop(handle, None)
+        self._pushes = [push for push in self._pushes if push[0] != handle]
         pybullet.removeBody(handle, physicsClientId=self._client)
 
     def step(self) -> None:
         pybullet.stepSimulation(physicsClientId=self._client)
+        if self._given or self._pushes:
+            self._make_up()
+
+    def _make_up(self) -> None:
+        """Moves bodies that slept through the step in spite of a velocity or a push.
+
+        pybullet wakes a body at the end of the next step, and that step takes its velocity away. A body is moved by
+        what it has missed of the step; a push acts in the next one.
+        """
+        given, self._given = self._given, {}
+        pushes, self._pushes = self._pushes, []
+        for handle, velocity in given.items():
+            if self._slept(handle):
+                self._move(handle, velocity)
+        for handle, link, force, torque, point in pushes:
+            if handle not in given and self._slept(handle):
+                self._apply(handle, link, force, torque, point)
+
+    def _slept(self, handle: int) -> bool:
+        """Returns whether a body that is not fixed is without any motion after a step."""
+        if pybullet.getDynamicsInfo(handle, -1, physicsClientId=self._client)[0] == 0.0:
+            return False
+        linear, angular = pybullet.getBaseVelocity(handle, physicsClientId=self._client)
+        return not (any(linear) or any(angular))
+
+    def _move(self, handle: int, velocity: Velocity) -> None:
+        """Moves a body by one step; it also falls, unless it touches something."""
+        client, linear = self._client, velocity.linear
+        if not pybullet.getContactPoints(bodyA=handle, physicsClientId=client):
+            linear = added(linear, self._fall)
+        position, rotation = pybullet.getBasePositionAndOrientation(handle, physicsClientId=client)
+        rate = math.hypot(*velocity.angular)
+        if rate > 0.0:
+            turn = pybullet.getQuaternionFromAxisAngle(velocity.angular, rate * self._step)
+            _, rotation = pybullet.multiplyTransforms(_NOWHERE, turn, _NOWHERE, rotation)
+        position = tuple(a + b * self._step for a, b in zip(position, linear, strict=True))
+        pybullet.resetBasePositionAndOrientation(handle, position, rotation, physicsClientId=client)
+        pybullet.resetBaseVelocity(handle, linear, velocity.angular, physicsClientId=client)
 
     def pose(self, handle: int, part: int = 0) -> Pose:
         if part:
@@ -194,6 +240,10 @@ class BulletEngine:
         pybullet.resetBaseVelocity(
             handle, centre.linear, centre.angular, physicsClientId=self._client
         )
+        if handle in self._resting and (any(centre.linear) or any(centre.angular)):
+            self._given[handle] = centre
+        else:
+            self._given.pop(handle, None)
 
     def lead(self, handle: int, pose: Pose, velocity: Velocity) -> None:
         """Subtracts in advance the velocity that gravity adds during the step."""
@@ -275,9 +325,16 @@ class BulletEngine:
         self, handle: int, part: int, force: Vector, torque: Vector, point: Vector | None
     ) -> None:
         self._wake(handle)
-        frame, client, link = pybullet.WORLD_FRAME, self._client, self._made[handle].links[part]
+        link = self._made[handle].links[part]
         if point is None:
             point = self._centre_of_mass(handle, link)
+        self._apply(handle, link, force, torque, point)
+        if handle in self._resting:
+            self._pushes.append((handle, link, force, torque, point))
+
+    def _apply(self, handle: int, link: int, force: Vector, torque: Vector, point: Vector) -> None:
+        """Applies force and torque to a link for the next step."""
+        frame, client = pybullet.WORLD_FRAME, self._client
         pybullet.applyExternalForce(handle, link, force, point, frame, physicsClientId=client)
         pybullet.applyExternalTorque(handle, link, torque, frame, physicsClientId=client)
 
