@@ -307,10 +307,12 @@ class Watcher:
     """Reads all messages of a body's ground truth; checks that none is left out and that the body does not jump.
 
     It moves without forces: between two messages on a line, unless it was placed. Each placement and reset is expected
-    before it is requested.
+    before it is requested. A body that is placed during a physics step stands until the step's end.
     """
 
     PERIOD = 0.01
+    STEP = 0.05
+    """The longest physics step [s]."""
 
     def __init__(self, client: Client, topic: str) -> None:
         self._connection = client.subscribe("/gazebo", topic)
@@ -319,6 +321,7 @@ class Watcher:
         self._placed: list[Truth] = []
         self._resets = 0
         self._last: Truth | None = None
+        self._stands_until = 0.0
         self.count = 0
         self.faults: list[str] = []
         self._thread = threading.Thread(target=self._receive)
@@ -360,6 +363,16 @@ class Watcher:
                     self.count += 1
                     self._condition.notify_all()
 
+    def _moved(self, before: Truth, now: Truth) -> bool:
+        """Returns whether the body has moved with its velocity, for no longer than the time between two messages."""
+        moved = [a - b for a, b in zip(now.position, before.position, strict=True)]
+        seconds = time_moved(moved, before.velocity)
+        return (
+            seconds <= self.PERIOD + 1e-6
+            and is_near(now.position, before.after(seconds))
+            and is_near(now.velocity, before.velocity)
+        )
+
     def _check(self, now: Truth) -> None:
         before = self._last
         if before is None:
@@ -374,15 +387,12 @@ class Watcher:
             now.velocity, before.velocity
         ):
             return
+        if now.time <= self._stands_until and self._moved(before, now):
+            return
         # It was placed since the message before, perhaps more than once.
         for number, placed in enumerate(self._placed):
-            moved = [a - b for a, b in zip(now.position, placed.position, strict=True)]
-            seconds = time_moved(moved, placed.velocity)
-            if (
-                0.0 <= seconds <= self.PERIOD + 1e-6
-                and is_near(now.position, placed.after(seconds))
-                and is_near(now.velocity, placed.velocity)
-            ):
+            if self._moved(placed, now):
+                self._stands_until = now.time + self.STEP
                 del self._placed[: number + 1]
                 return
         self.faults.append(f"jumped from {before} to {now}; placed at {self._placed}")
