@@ -12,10 +12,12 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from subprocess import CalledProcessError
 
 import psutil
 import pytest
@@ -68,11 +70,17 @@ def limit_descriptors(pid: int, left: int) -> tuple[int, int]:
     return former
 
 
-def limit_processes(pid: int) -> tuple[int, int]:
-    """Leaves a process no further process or thread; returns its former limits."""
-    former = resource.prlimit(pid, resource.RLIMIT_NPROC)
-    resource.prlimit(pid, resource.RLIMIT_NPROC, (1, former[1]))
-    return former
+def limit_processes(pid: int, soft: str = "1") -> str:
+    """Limits the processes and threads of a process's user, for this process; returns its former limit.
+
+    It is done as that user: root may not be allowed to change the limits of another's process.
+    """
+    limits = Path(f"/proc/{pid}/limits").read_text()
+    former = re.search(r"Max processes +(\S+)", limits)
+    user = NOBODY if os.stat(f"/proc/{pid}").st_uid != os.getuid() else []
+    command = [*user, "prlimit", f"--pid={pid}", f"--nproc={soft}:"]
+    subprocess.run(command, check=True, capture_output=True)
+    return former[1]
 
 
 def ports(pid: int) -> list[int]:
@@ -154,8 +162,11 @@ class Trials:
             with pressed(pid):
                 time.sleep(HELD)
                 busy = (processor_time(pid) - began) / HELD
-            with contextlib.suppress(ProcessLookupError):
-                resource.prlimit(pid, number, former)
+            with contextlib.suppress(ProcessLookupError, FileNotFoundError, CalledProcessError):
+                if is_files:
+                    resource.prlimit(pid, number, former)
+                else:
+                    limit_processes(pid, former)
             began = time.monotonic()
             with contextlib.suppress(WaitError):
                 # A process that did not answer is named until it has answered again.
@@ -202,12 +213,22 @@ def test_each_process_with_12_descriptors_left_keeps_running_or_its_end_is_said(
     assert trials.wrong == []
 
 
+@pytest.fixture
+def open_folder() -> Iterator[Path]:
+    """A folder for everybody; those above `tmp_path` are closed to others."""
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
+        folder = Path(name)
+        folder.chmod(0o777)
+        yield folder
+
+
 def test_each_process_that_can_start_no_thread_or_process_keeps_running_or_its_end_is_said(
-    start, tmp_path
+    start, open_folder
 ):
     """The limit does not hold for root, so the fleet belongs to `nobody`."""
     prefix = [] if os.getuid() else NOBODY
-    trials = Trials(start, tmp_path, prefix=prefix)
+    home = {"HOME": str(open_folder), "TMPDIR": str(open_folder)}
+    trials = Trials(start, open_folder, prefix=prefix, below=open_folder, **home)
     trials.run(resource.RLIMIT_NPROC)
     assert trials.wrong == []
 
