@@ -1,6 +1,7 @@
 """Other robots in a costmap, rolling and rotated maps, and parameters that change at run time."""
 
 import math
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -285,3 +286,22 @@ def test_obstacles_as_wide_as_a_robot_are_found_as_by_comparing_all_pairs_of_cel
         extents = [np.square(np.ptp(cells[row], axis=0)).sum() for row in joined]
         expected = (cells[wide & (np.array(extents) < 24**2)] + 0.5) * 0.05
         assert found == {tuple(point) for point in expected.round(3).tolist()}
+
+
+def test_unmapped_obstacles_on_a_fine_grid_take_little_memory() -> None:
+    """Comparing all pairs of cells took 969 MB at a resolution of 1 cm."""
+    laser = replace(LASER, clearing=False, obstacle_range=10.0)
+    costmap = Costmap(CostmapConfig(layers=(StaticConfig(), ObstacleConfig(sources=(laser,)))))
+    costmap.set_map(Grid(0.01, Pose(), np.zeros((600, 600), np.int8)))
+    boxes = [(x, y) for x in (1.0, 2.0, 3.0, 4.0, 5.0) for y in (1.5, 3.0, 4.5)]
+    side = np.arange(-0.2, 0.2, 0.01)
+    filled = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    points = np.concatenate([filled + box for box in boxes])
+    costmap.update(Pose(3.0, 0.5), (Observation(laser, 3.0, 0.5, points),))
+    costmap.unmapped(Pose(3.0, 3.0), 4.0)
+    tracemalloc.start()
+    found = costmap.unmapped(Pose(3.0, 3.0), 4.0)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(found) > 10_000
+    assert most < 30e6

@@ -1,17 +1,28 @@
-"""Parts of the move_base node without a ROS master: what it commands last, and which scans reveal wheel slip."""
+"""Parts of the move_base node without a ROS master.
 
+What it commands last, which inputs it does not drive without, what a clock that is set back restarts, and which scans
+reveal wheel slip.
+"""
+
+import math
+import threading
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 import rospy
 from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
 
+from nav_bundle.base.clock import ClockWatch
+from nav_bundle.base.pose import Pose
+from nav_bundle.base.transform import DisconnectedError, Transform
 from nav_bundle.costmap.config import SourceConfig
 from nav_bundle.costmap.layer import Observation
 from nav_bundle.costmap.node import CostmapNode
 from nav_bundle.costmap.source import Arrival, Source
-from nav_bundle.move_base.navigator import Report
+from nav_bundle.move_base.navigator import Report, Sight
 from nav_bundle.move_base.node import MoveBaseNode
 from nav_bundle.move_base.reason import Condition
 
@@ -72,3 +83,99 @@ def test_a_correction_by_localisation_is_no_wheel_slip(frame: str, usable: bool)
         frame=frame, _sources=[SimpleNamespace(source=source)], _fault=lambda *_: ""
     )
     assert (CostmapNode.picture(node, 1.0) is not None) == usable  # type: ignore[arg-type]
+
+
+ODOM_TIMEOUT = 0.5
+
+
+class Inputs:
+    """A node that has all its inputs at 10 s, until a test takes one away."""
+
+    def __init__(self) -> None:
+        self.faults = {"global": "", "local": ""}
+        self.odometry: list[Arrival[Odometry]] = [Arrival(1, 10.0, 10.0, Odometry())]
+        self.connected = True
+        self.stops: list[str] = []
+        node = self.node = MoveBaseNode.__new__(MoveBaseNode)
+        node._global, node._local = self._costmap("global"), self._costmap("local")  # type: ignore[assignment]
+        node._odometry = SimpleNamespace(  # type: ignore[assignment]
+            topic="odom", arrivals=lambda: iter(self.odometry)
+        )
+        node._setup = SimpleNamespace(base=SimpleNamespace(odom_timeout=ODOM_TIMEOUT))  # type: ignore[assignment]
+        node._listener = SimpleNamespace(lookup=self._lookup)  # type: ignore[assignment]
+        node._blind = SimpleNamespace(warn=lambda _: None, end=lambda: None)  # type: ignore[assignment]
+        node._safety_stop = SimpleNamespace(publish=lambda text, _: self.stops.append(text))  # type: ignore[assignment]
+
+    def _costmap(self, name: str) -> Any:
+        return SimpleNamespace(
+            frame=name,
+            pose=lambda _: Pose(),
+            other_robots=lambda _: {},
+            fault=lambda _: self.faults[name],
+        )
+
+    def _lookup(self, *_: str) -> Transform:
+        if not self.connected:
+            raise DisconnectedError("no transform from map to odom")
+        return Transform()
+
+    def sight(self, now: float = 10.0) -> Sight:
+        return self.node._sight(now)
+
+    def set_speed(self, speed: float) -> None:
+        self.odometry[0].message.twist.twist.linear.x = speed
+
+
+LOSSES: dict[str, tuple[Any, str]] = {
+    "a source of the global costmap": (lambda all: all.faults.update({"global": "lost"}), "lost"),
+    "a source of the local costmap": (lambda all: all.faults.update({"local": "lost"}), "lost"),
+    "all odometry": (lambda all: all.odometry.clear(), "no odometry on odom"),
+    "odometry's numbers": (lambda all: all.set_speed(math.nan), "linear.x"),
+    "the transform of the costmaps": (lambda all: setattr(all, "connected", False), "map to odom"),
+}
+
+
+@pytest.mark.parametrize(("lose", "words"), LOSSES.values(), ids=LOSSES.keys())
+def test_without_any_one_input_the_robot_does_not_drive_and_names_it(lose: Any, words: str) -> None:
+    inputs = Inputs()
+    assert inputs.sight().current
+    lose(inputs)
+    sight = inputs.sight()
+    assert not sight.current
+    assert words in sight.fault
+    assert inputs.stops == ["", sight.fault]
+
+
+def test_odometry_that_comes_no_more_stops_the_robot_after_its_timeout() -> None:
+    inputs = Inputs()
+    assert inputs.sight(10.0 + ODOM_TIMEOUT).current
+    assert not inputs.sight(10.1 + ODOM_TIMEOUT).current
+
+
+@pytest.mark.parametrize(
+    ("simulated", "back", "done"),
+    [
+        (True, 0.3, ["times"]),
+        (True, 30.0, ["restart"]),
+        (False, 0.3, ["times"]),
+        (False, 30.0, ["times"]),
+    ],
+)
+def test_only_a_reset_makes_move_base_forget_its_obstacles(
+    simulated: bool, back: float, done: list[str]
+) -> None:
+    """A step back of 0.2 s used to restart it, on wall time, too."""
+    calls: list[str] = []
+    node = MoveBaseNode.__new__(MoveBaseNode)
+    node._turn = threading.RLock()
+    node._clock = ClockWatch(simulated)
+    node._clock.read(1000.0)
+    node._restart = lambda _: calls.append("restart")  # type: ignore[method-assign]
+    node._forget_times = lambda *_: calls.append("times")  # type: ignore[method-assign]
+    node._cycle = lambda _: None  # type: ignore[method-assign]
+    node._navigator = SimpleNamespace(report=Report())  # type: ignore[assignment]
+    node._state = SimpleNamespace(show=lambda *_: None)  # type: ignore[assignment]
+    node._heard = True
+    node._turn_at(1000.0 - back)
+    node._turn_at(1000.1 - back)
+    assert calls == done

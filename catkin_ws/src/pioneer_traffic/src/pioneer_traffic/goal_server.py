@@ -77,7 +77,7 @@ class GoalServer:
         senders = (sender for sent, sender in self._senders if sent is goal)
         self._client = next(senders, "")
         try:
-            return self._in_map(goal.target_pose)
+            return self._in_map(goal.target_pose, patience=0.0)
         except NavigationError as error:
             rospy.logerr("%s", error)
             self._server.set_aborted(MoveBaseResult(), str(error))
@@ -127,11 +127,14 @@ class GoalServer:
             return str(error)
         return ""
 
-    def _in_map(self, target: PoseStamped) -> PoseStamped:
-        """Returns a pose in map; raises TransformError if tf does not know its frame."""
+    def _in_map(self, target: PoseStamped, patience: float = _TF_TIMEOUT) -> PoseStamped:
+        """Returns a pose in map; raises TransformError if tf does not know its frame.
+
+        ``patience`` is how long to wait for the transform [s of wall time]; 0 in the loop, where it would delay stops.
+        """
         frame = stripped(target.header.frame_id) or "map"
         if frame == "map":
             return target
-        transform = self._listener.wait("map", frame, None, _TF_TIMEOUT)
+        transform = self._listener.wait("map", frame, None, patience)
         pose = transform.planar().compose(pose_from_message(target.pose))
         return stamped_from_pose(pose, "map", target.header.stamp)

@@ -21,6 +21,7 @@ from nav_bundle.move_base.state_machine import Outcome
 from pioneer_node.core.frame import stripped
 
 _INVALID = "Aborting on goal because it was sent with an invalid quaternion"
+_RECALLED = "All goals were cancelled while this one waited for a transform"
 _WARNING_PERIOD = 5.0
 _VERTICAL = 1.0e-3
 
@@ -59,11 +60,14 @@ class ActionServer(actionlib.SimpleActionServer):
 
     Invalid messages have no side effects. A goal with a ``fault`` is aborted without preempting the active goal. A
     cancel stamped more than ``future_limit`` [s] ahead, which would block all goals until then, is dropped.
+
+    ``fault`` may wait, for example for a transform. A cancel of all goals holds for the goal that waits, too.
     """
 
     def __init__(self, name: str, fault: Callable[[PoseStamped], str], future_limit: float) -> None:
         super().__init__(name, MoveBaseAction, auto_start=False)
         self._goal_fault, self._future_limit = fault, future_limit
+        self._cancels_of_all = 0
         server = self.action_server
         self._pass_goal, self._pass_cancel = (
             server.internal_goal_callback,
@@ -75,15 +79,23 @@ class ActionServer(actionlib.SimpleActionServer):
         )
 
     def _on_goal(self, goal: MoveBaseActionGoal) -> None:
+        cancels = self._cancels_of_all
         if fault := self._goal_fault(goal.goal.target_pose):
-            status = GoalStatus(goal.goal_id, GoalStatus.ABORTED, fault)
-            self.action_server.publish_result(status, MoveBaseResult())
+            self._refuse(goal, GoalStatus.ABORTED, fault)
+        elif self._cancels_of_all != cancels:
+            self._refuse(goal, GoalStatus.RECALLED, _RECALLED)
         else:
             self._pass_goal(goal)
+
+    def _refuse(self, goal: MoveBaseActionGoal, state: int, text: str) -> None:
+        status = GoalStatus(goal.goal_id, state, text)
+        self.action_server.publish_result(status, MoveBaseResult())
 
     def _on_cancel(self, cancel: GoalID) -> None:
         ahead = (cancel.stamp - rospy.Time.now()).to_sec()
         if ahead <= self._future_limit:
+            if not cancel.id and cancel.stamp.is_zero():
+                self._cancels_of_all += 1
             self._pass_cancel(cancel)
         else:
             rospy.logwarn_throttle(
