@@ -346,6 +346,7 @@ def test_a_withdrawn_topic_is_unregistered_and_its_subscribers_are_disconnected(
     withdraw_once_connected()
     run_for(context)
     assert not publication.subscribers
+    assert len(publication._fanout) == 0
     assert master.executed.count("unregisterPublisher") == 1
 
 

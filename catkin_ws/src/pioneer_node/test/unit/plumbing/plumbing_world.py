@@ -334,6 +334,7 @@ class World:
         for one in self._questions:
             if len(one.answers) > 1 and one.answers[1:] != [""]:
                 self.complain(f"{one.host} was answered with {one.answers}")
+        self._compare_fanouts()
         for part in (*self._live(), *self.ring.nodes):
             part.close()
         nodes = (*self.members, *self.ring.nodes)
@@ -349,6 +350,19 @@ class World:
             self.complain(f"left on the master: {left} {self.master.services}")
         if not self.reactor.run(SETTLE, self.reactor.is_idle):
             self.complain(f"left in the loop: {self.reactor.left()}")
+        resolver = self.context.resolver
+        if resolver._threads or resolver._questions or resolver._waiting:
+            self.complain(f"left in the resolver: {resolver._threads} {list(resolver._questions)}")
+        for one in nodes:
+            if one.handle._node._port._connections:
+                self.complain(f"left at {one.name}: connections")
+
+    def _compare_fanouts(self) -> None:
+        """Checks that publications send to their subscribers only, not to connections that have ended."""
+        for member in self._live():
+            for topic, publication in member.handle._node._published.items():
+                if len(publication._fanout) != len(publication.subscribers):
+                    self.complain(f"{member.name} sends {topic} to connections that have ended")
 
     def _settle_ring(self) -> None:
         """Checks that the ring goes round and that each of its messages has arrived everywhere."""
