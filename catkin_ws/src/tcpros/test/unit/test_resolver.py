@@ -5,10 +5,13 @@ import socket
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator
+from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from tcpros import resolver
 from tcpros.reactor import Reactor
 from tcpros.resolver import Resolver
 from tcpros.xmlrpc_client import host_and_port
@@ -158,3 +161,63 @@ def test_host_and_port_of_an_address_also_as_rospy_writes_ipv6(
     uri: str, host: str, port: int
 ) -> None:
     assert host_and_port(uri) == (host, port)
+
+
+class AtOnce:
+    """Replaces threads and the loop: everything runs at once."""
+
+    refusals = 0
+
+    def __init__(self, target: Callable[..., object], args: tuple[str, ...], **_: object) -> None:
+        self._run = partial(target, *args)
+
+    def start(self) -> None:
+        if AtOnce.refusals:
+            AtOnce.refusals -= 1
+            raise RuntimeError("can't start new thread")
+        self._run()
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The names that are looked up; all exist."""
+    names = list[str]()
+
+    def found(host: str, *_: object) -> list[object]:
+        names.append(host)
+        return [(2, 1, 6, "", ("10.0.0.1", 0))]
+
+    monkeypatch.setattr(resolver.socket, "getaddrinfo", found)
+    monkeypatch.setattr(resolver, "threading", SimpleNamespace(Thread=AtOnce))
+    return names
+
+
+def test_an_address_is_looked_up_again_once_it_has_expired_and_then_forgotten(
+    monkeypatch: pytest.MonkeyPatch, asked: list[str]
+) -> None:
+    now = 1000.0
+    monkeypatch.setattr(resolver, "time", SimpleNamespace(monotonic=lambda: now))
+    made = Resolver(SimpleNamespace(call=lambda callback: callback()))  # type: ignore[arg-type]
+    addresses = list[str]()
+    for _ in range(2):
+        made.resolve("one", addresses.append, pytest.fail)
+    assert asked == ["one"]
+    now += resolver.LIFETIME + 1.0
+    made.resolve("two", addresses.append, pytest.fail)
+    assert set(made._answers) == {"two"}
+    made.resolve("one", addresses.append, pytest.fail)
+    assert asked == ["one", "two", "one"]
+    assert addresses == ["10.0.0.1"] * 4
+
+
+def test_a_name_that_got_no_thread_fails_with_the_reason_and_is_looked_up_later(
+    monkeypatch: pytest.MonkeyPatch, asked: list[str]
+) -> None:
+    monkeypatch.setattr(AtOnce, "refusals", 1)
+    made = Resolver(SimpleNamespace(call=lambda callback: callback()))  # type: ignore[arg-type]
+    reasons, addresses = list[str](), list[str]()
+    made.resolve("one", addresses.append, reasons.append)
+    assert reasons == ["the name one cannot be resolved: can't start new thread"]
+    made.resolve("one", addresses.append, reasons.append)
+    assert addresses == ["10.0.0.1"]
+    assert asked == ["one"]
