@@ -535,3 +535,22 @@ def test_a_bumper_publishes_its_contacts_and_that_there_are_none(
     [touch, *_] = next(filter(None, states))
     assert touch.collision1_name == "r::base::base_collision"
     assert touch.collision2_name.startswith("wall::")
+
+
+COARSE = """<robot name="r"><link name="base"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>
+<gazebo reference="base"><sensor type="ray" name="scan"><ray><scan><horizontal><samples>3</samples>
+<min_angle>-0.001</min_angle><max_angle>0.001</max_angle></horizontal></scan>
+<range><min>0.05</min><max>30</max><resolution>0.5</resolution></range></ray>
+<plugin name="p" filename="libgazebo_ros_laser.so"><topicName>scan</topicName></plugin></sensor></gazebo></robot>"""
+
+
+@pytest.mark.parametrize("distance", [1.0, 1.237, 4.701])
+def test_ranges_are_not_rounded_to_the_resolution_of_a_laser(
+    simulate: MakeSimulation, box: Callable[..., Model], distance: float
+) -> None:
+    simulation = simulate(box("wall", Pose((distance + 0.05, 0.0, 0.5)), (0.1, 2.0, 1.0)))
+    entity = simulation.add_robot("r", "r", robot_from_urdf(COARSE), Pose((0.0, 0.0, 0.1)))
+    ranges = simulation.ranges(entity, entity.lasers[0])
+    assert ranges == pytest.approx(distance, abs=1e-4)
