@@ -11,6 +11,7 @@ from nav_bundle.costmap.cost import LETHAL
 from nav_bundle.costmap.costmap import Costmap
 from nav_bundle.costmap.layer import Observation
 from nav_bundle.move_base.recovery import (
+    _MAKERS,
     BackUp,
     ClearConfig,
     ClearCostmapRecovery,
@@ -111,6 +112,11 @@ def test_every_recovery_ends_although_the_robot_does_not_move_and_says_so(kind):
             now += 0.5
             assert now < 400.0
         assert kind in ("clear", "clear inside", "slow") or "has not" in recovery.complaint
+
+
+def test_every_type_of_recovery_is_among_those_that_are_seen_to_end():
+    seen = {type(make()).__name__ for make in BEHAVIOURS.values()}
+    assert seen == {*_MAKERS, "BackUp"}
 
 
 def test_a_robot_that_backs_up_as_commanded_is_not_reported():

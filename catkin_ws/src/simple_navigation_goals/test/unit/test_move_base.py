@@ -138,3 +138,12 @@ def test_a_server_is_present_while_it_is_connected_both_ways(
     assert client.present()
     node.connected = False
     assert not client.present()
+
+
+def test_a_goal_that_was_sent_is_known_by_its_id(node: FakeHandle, client: MoveBase) -> None:
+    """A cancel of move_base's goal by its id tells only by that which goal it stops."""
+    for serial in (1, 2):
+        assert client.send(MoveBaseGoal()) == serial
+        assert client.serial_of(node.sent["move_base/goal"][-1].goal_id.id) == serial
+    for other in ("", "/rviz-1-12.34", "/robot/client", "/robot/client-x-12.34"):
+        assert client.serial_of(other) == 0
