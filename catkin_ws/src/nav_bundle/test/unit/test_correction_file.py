@@ -177,3 +177,20 @@ def test_a_full_disk_delays_no_transform_and_is_said_once(tmp_path: Path) -> Non
         AmclNode._keep(node, estimate, ODOM)  # type: ignore[arg-type]
     assert len(said) == 1
     assert "absent" in said[0]
+
+
+@pytest.mark.parametrize(("here", "starts"), [(0.9, 1), (0.1, 0)])
+def test_amcl_starts_where_its_first_scan_fits(here: float, starts: int) -> None:
+    """The decision of `has_continued` is obeyed: the remembered place, or the initial pose that it has already."""
+    correction, odom = Correction(Pose(5.0, 0.0, 0.0), Pose(2.0, 0.0, 0.0)), Pose(2.1, 0.0, 0.0)
+    placed: list[Pose] = []
+    localisation = SimpleNamespace(
+        agreement_at=lambda pose, _: here if pose.x > 5.0 else 0.5,
+        set_pose=lambda pose, _: placed.append(pose),
+    )
+    node = SimpleNamespace(
+        _localisation=localisation, _initial_pose=lambda: Pose(), _remembered=correction
+    )
+    AmclNode._go_on(node, correction, odom, None)  # type: ignore[arg-type]
+    assert placed == [Pose(7.1, 0.0, 0.0)] * starts
+    assert node._remembered is None

@@ -340,3 +340,34 @@ def test_a_robot_that_does_not_hear_this_one_is_driven_around() -> None:
 @pytest.mark.parametrize("waypoint", [(50.0, 50.0), (-9.0, 0.0)])
 def test_a_waypoint_far_from_all_places_is_refused(waypoint: tuple[float, float]) -> None:
     assert not Coordinator("a", BAY).set_waypoint(waypoint, 0.0)
+
+
+@pytest.mark.parametrize("stands", [2, 3, 4])
+def test_a_robot_in_the_plan_that_is_away_from_what_it_holds_is_not_driven_into(
+    stands: int,
+) -> None:
+    """Its report names places that it holds, and a position where it should not be: both count."""
+    driving, other = Coordinator("a", ROW, expected=["b"]), Coordinator("b", ROW, expected=["a"])
+    driving.set_waypoint(ROW.places[5], 0.0)
+    position, end, away = ROW.places[0], ROW.places[6], ROW.places[stands]
+    nearest = math.inf
+    for tick in range(200):
+        now = 0.2 * tick
+        report = driving.advance(position, now)
+        other.receive(report, now)
+        held = other.advance(end, now)
+        assert now < 4.0 or held.held == (6,)
+        driving.receive(replace(held, position=away) if now > 4.0 else held, now)
+        if driving.route:
+            distance = math.dist(position, driving.route[0])
+            share = min(1.0, 0.1 / distance) if distance else 0.0
+            x, y = position
+            position = (
+                x + share * (driving.route[0][0] - x),
+                y + share * (driving.route[0][1] - y),
+            )
+        if now > 5.0:
+            nearest = min(nearest, math.dist(position, away))
+    assert "b" in report.heard
+    assert nearest >= ROW.config.clearance - 0.1
+    assert math.dist(position, ROW.places[0]) > 0.1
