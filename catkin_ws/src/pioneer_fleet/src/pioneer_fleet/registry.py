@@ -32,6 +32,7 @@ class Entry:
 
     def __init__(self) -> None:
         folder = _own_folder()
+        _remove_killed(folder)
         self._path = folder / f"{os.getpid()}.json"
         unlocked = self._path.with_suffix(".unlocked")
         unlocked.unlink(missing_ok=True)
@@ -71,21 +72,26 @@ def running_fleets() -> list[dict[str, Any]]:
 
 
 def _living(folder: Path) -> Iterator[dict[str, Any]]:
+    _remove_killed(folder)
     for lock in folder.glob("*.lock"):
-        path = lock.with_suffix(".json")
         # A fleet that ends meanwhile removes its files.
+        with contextlib.suppress(FileNotFoundError), _opened(lock.with_suffix(".json")) as text:
+            status = json.load(text)
+            # The monotonic clock is the same for all processes of a machine.
+            status["age"] = max(0.0, time.monotonic() - float(status.pop("written", 0.0)))
+            yield status
+
+
+def _remove_killed(folder: Path) -> None:
+    """Removes the files of fleets that were killed: nobody holds their locks."""
+    for lock in folder.glob("*.lock"):
         with contextlib.suppress(FileNotFoundError), _opened(lock) as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
             except BlockingIOError:
-                with _opened(path) as text:
-                    status = json.load(text)
-                # The monotonic clock is the same for all processes of a machine.
-                status["age"] = max(0.0, time.monotonic() - float(status.pop("written", 0.0)))
-                yield status
-            else:  # killed
-                path.unlink(missing_ok=True)
-                lock.unlink()
+                continue
+            for suffix in (".json", ".new", ".lock"):
+                lock.with_suffix(suffix).unlink(missing_ok=True)
 
 
 def _opened(path: Path) -> Any:

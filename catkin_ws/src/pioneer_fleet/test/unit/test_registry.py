@@ -45,6 +45,14 @@ def test_a_fleet_that_was_killed_is_not_found_and_leaves_nothing(folder: Path) -
     assert [path.name for path in folder.rglob("*.*")] == []
 
 
+def test_the_next_fleet_removes_the_files_of_one_that_was_killed(folder: Path) -> None:
+    """They used to stay until somebody asked for the status."""
+    subprocess.run([sys.executable, "-c", KILLED], check=False, timeout=60)
+    assert [path.suffix for path in folder.rglob("*.*")]
+    Entry().close()
+    assert [path.name for path in folder.rglob("*.*")] == []
+
+
 def test_the_folder_of_the_session_is_preferred(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
