@@ -168,8 +168,15 @@ class DoorNode:
         self._ask_master("getTopicTypes", self._take_types)
 
     def _check_registration(self, publishers: list[tuple[str, list[str]]]) -> None:
-        """Registers again if the master has forgotten this node."""
-        is_registered = any(self._node.name in nodes for _, nodes in publishers)
+        """Registers again if the master has forgotten this node.
+
+        It is known by the topic that it has from its start to its end: a call that was on its way when the master was
+        restarted registers another one at the new master.
+        """
+        lasting = self._node.resolved("~topics")
+        is_registered = any(
+            topic == lasting and self._node.name in nodes for topic, nodes in publishers
+        )
         if self._was_registered and not is_registered:
             self._node.logger.warning("the ROS 1 master was restarted; registering again")
             self._node.register_again()
