@@ -13,11 +13,9 @@ from nav_bundle.base.pose import Pose, angle_difference
 _AT_ZERO = 0.02
 """Odometry this near to zero was restarted, unless it was there before [m]; a robot hardly comes back so exactly."""
 _FARTHEST = 1.5
-"""How far a robot may be from where the file was written last [m]: that is with each estimate, and before a stop."""
-
-
-CLEARLY = 0.2
-"""A scan tells two places apart if the shares of its beams that fit the map there differ by more than this."""
+"""How far a robot drives on at most after the last estimate, with which the file was written [m]."""
+_CLEAR_GAIN = 0.2
+"""A scan tells two places apart if the shares of its beams that fit there differ by more than this."""
 
 
 class CorrectionFileError(NavigationError):
@@ -45,7 +43,7 @@ class Correction(NamedTuple):
 def has_continued(
     remembered: Correction, initial: Pose, odom: Pose, agreement: Callable[[Pose], float]
 ) -> bool:
-    """Returns whether odometry has continued since, rather than started again at zero at the initial pose.
+    """Returns whether odometry has continued since, and was not restarted at zero at the initial pose.
 
     The scan tells where the robot is. Where both places look alike, the odometry's own reading decides.
 
@@ -56,7 +54,7 @@ def has_continued(
         agreement: returns the share of the scan's beams that fit the map at a pose.
     """
     gain = agreement(remembered.map_from_odom.compose(odom)) - agreement(initial.compose(odom))
-    if abs(gain) > CLEARLY:
+    if abs(gain) > _CLEAR_GAIN:
         return gain > 0.0
     return remembered.applies_to(odom)
 

@@ -341,7 +341,7 @@ class AmclNode:
             return None
 
     def _keep(self, estimate: Estimate, odom: Pose) -> None:
-        """Writes the correction of each new estimate; a full disk is said, and changes nothing else."""
+        """Writes the correction of each new estimate; a file that cannot be written costs a warning."""
         if estimate is self._kept or self._map_from_odom is None:
             return
         self._kept = estimate
