@@ -333,28 +333,14 @@ class Node:
         self._answered(0)
 
     def register_again(self) -> None:
-        """Repeats all registrations at a restarted master. Failures are ignored; the caller may call this again."""
-
-        def call(method: str, *arguments: str, done: Callable[[Any], object] = _ignore) -> None:
-            self._unanswered += 1
-            self._in_flight += 1
-            self._context.master.call(
-                method, (self.name, *arguments), partial(answered, done), partial(answered, _ignore)
-            )
-
+        """Repeats all registrations at a restarted master, each until it is answered; refusals are ignored."""
         # What is withdrawn meanwhile is unregistered afterwards: see `_unregister_withdrawn`.
-        def answered(done: Callable[[Any], object], value: Any) -> None:
-            self._in_flight -= 1
-            self._unregister_when_answered()
-            if not self._is_closing:
-                done(value)
-                self._answered(1)
-
+        register = partial(self._register, may_be_refused=True)
         for topic, publication in self._published.items():
-            call("registerPublisher", topic, publication.type, self.uri)
+            register("registerPublisher", topic, publication.type, self.uri)
         for topic, sources in self._subscribed.items():
             for source in sources:
-                call(
+                register(
                     "registerSubscriber",
                     topic,
                     source.type,
@@ -362,9 +348,9 @@ class Node:
                     done=_unless_notified(source, source.update),
                 )
         for service in self._services:
-            call("registerService", service, self._service_uri, self.uri)
+            register("registerService", service, self._service_uri, self.uri)
         for parameter, watched in self._watched.items():
-            call("subscribeParam", self.uri, parameter, done=_unless_notified(watched, watched))
+            register("subscribeParam", self.uri, parameter, done=_unless_notified(watched, watched))
 
     def close(self, done: Callable[[], object]) -> None:
         """Unregisters everything from the master, closes all connections, then calls ``done``."""
@@ -437,9 +423,16 @@ class Node:
         self._register(method, *arguments, done=answered)
 
     def _register(
-        self, method: str, *arguments: str, done: Callable[[Any], object] = lambda _: None
+        self,
+        method: str,
+        *arguments: str,
+        done: Callable[[Any], object] = _ignore,
+        may_be_refused: bool = False,
     ) -> None:
-        """Registers at the master, retrying until it answers, like rospy. If it refuses, the node shuts down."""
+        """Registers at the master, retrying until it answers, like rospy.
+
+        If it refuses, the node shuts down, unless the call ``may_be_refused``.
+        """
 
         def ask() -> None:
             if not self._is_closing:
@@ -452,7 +445,10 @@ class Node:
             if self._is_closing:
                 return
             if not isinstance(reason, NoAnswer):
-                self._shut_down(f"{method} of {' '.join(arguments[:2])} failed: {reason}")
+                if may_be_refused:
+                    self._answered(1)
+                else:
+                    self._shut_down(f"{method} of {' '.join(arguments[:2])} failed: {reason}")
                 return
             if not self._is_unheard:
                 self._context.logger.warning(

@@ -182,9 +182,16 @@ class HeldMaster:
 
     def give_no_answer(self) -> None:
         """Lets all calls fail as if the master hung."""
+        self._fail(NoAnswer("it hangs"))
+
+    def refuse(self) -> None:
+        """Refuses all calls."""
+        self._fail("it refuses")
+
+    def _fail(self, reason: str) -> None:
         held, self._held = self._held, []
         for _, failed in held:
-            failed(NoAnswer("it hangs"))
+            failed(reason)
 
 
 @pytest.fixture
@@ -308,6 +315,49 @@ def test_a_restarted_masters_answer_older_than_a_notification_replaces_nothing(
     node.register_again()
     held.answer([])
     assert updates[1:] == [[]]
+    node.close(lambda: None)
+    held.answer()
+
+
+def test_what_does_not_reach_a_restarted_master_is_repeated(
+    quick: NodeContext, held: HeldMaster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once the master knew some registrations, nobody repeated the others, and their topics were lost."""
+    monkeypatch.setattr("tcpros.node.ASK_AGAIN", 0.01)
+    node = Node(quick, "/one", lambda _: None)
+    node.publish("/words", String)
+    node.subscribe("/numbers", String, lambda *_: None)
+    calls = held.answer()
+    node.register_again()
+    held.called.clear()
+    held.give_no_answer()
+
+    def look() -> None:
+        if len(held.called) == len(calls):
+            quick.reactor.stop()
+        else:
+            quick.reactor.call_later(0.01, look)
+
+    look()
+    run_for(quick)
+    assert sorted(held.answer()) == sorted(calls)
+    node.close(lambda: None)
+    held.answer()
+
+
+def test_a_registration_that_a_restarted_master_refuses_does_not_end_the_node(
+    quick: NodeContext, held: HeldMaster
+) -> None:
+    ended = list[str]()
+    node = Node(quick, "/one", ended.append)
+    node.publish("/words", String)
+    held.answer()
+    node.register_again()
+    registered = list[str]()
+    node.when_registered(lambda: registered.append("again"))
+    held.refuse()
+    assert ended == []
+    assert registered == ["again"]
     node.close(lambda: None)
     held.answer()
 
