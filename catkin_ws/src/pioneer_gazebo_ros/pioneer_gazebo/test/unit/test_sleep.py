@@ -146,6 +146,45 @@ def test_a_sleeping_body_gets_the_impulse_of_a_wrench(
     assert simulation.velocity(entity).linear == pytest.approx((1.0, 0.0, 0.0), abs=0.03)
 
 
+def asleep_in_space(simulate: MakeSimulation, box: Callable[..., Model]) -> Simulation:
+    """Returns a simulation of the box ``b``, of 1 kg, which has fallen asleep without gravity."""
+    simulation = simulate()
+    simulation.configure(replace(WEIGHTLESS, step=0.01))
+    simulation.add_model(box("b", Pose((0.0, 0.0, 5.0)), (0.2, 0.2, 0.2), static=False))
+    simulation.advance(ASLEEP)
+    return simulation
+
+
+def push_for_a_step(simulation: Simulation) -> None:
+    nothing, first = (0.0, 0.0, 0.0), simulation.tick
+    last = first + 0.01 * TICK_RATE
+    entity = simulation.entity("b")
+    simulation.push(Wrench(entity, 0, (100.0, 0.0, 0.0), nothing, None, first, last))
+
+
+def test_a_reset_ends_the_push_of_a_body_that_was_asleep(
+    simulate: MakeSimulation, box: Callable[..., Model]
+) -> None:
+    """The push acts a step late, and once acted after the reset."""
+    simulation = asleep_in_space(simulate, box)
+    push_for_a_step(simulation)
+    simulation.advance(simulation.tick + round(0.01 * TICK_RATE))
+    simulation.reset_poses()
+    motion(simulation)
+    assert simulation.velocity(simulation.entity("b")).linear == (0.0, 0.0, 0.0)
+
+
+def test_a_sleeping_body_gets_both_a_velocity_and_an_impulse_of_one_step(
+    simulate: MakeSimulation, box: Callable[..., Model]
+) -> None:
+    simulation = asleep_in_space(simulate, box)
+    push_for_a_step(simulation)
+    simulation.place("b", Pose((0.0, 0.0, 5.0)), Velocity((0.0, 1.0, 0.0)))
+    motion(simulation)
+    moves = simulation.velocity(simulation.entity("b")).linear
+    assert moves == pytest.approx((1.0, 1.0, 0.0), abs=0.03)
+
+
 def test_a_sleeping_body_on_the_ground_that_gets_a_velocity_slides(
     simulate: MakeSimulation, box: Callable[..., Model]
 ) -> None:

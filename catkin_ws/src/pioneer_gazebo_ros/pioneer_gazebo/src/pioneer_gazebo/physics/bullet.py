@@ -75,6 +75,15 @@ FARTHEST = 1e3
 """Depth below the origin at which support ray casts end [m]."""
 
 
+_Push = tuple[int, int, Vector, Vector, Vector]
+"""Handle of a body, link, force [N], torque [N m], and where the force acts [m]."""
+
+
+def _without(handle: int, pushes: Sequence[_Push]) -> list[_Push]:
+    """Returns the pushes of all other bodies."""
+    return [push for push in pushes if push[0] != handle]
+
+
 class BulletEngine:
     """Implements `Engine` with pybullet."""
 
@@ -90,7 +99,8 @@ class BulletEngine:
         self._resting: set[int] = set()
         #: since the last step: velocities that were set, and pushes, of bodies that may have slept
         self._given: dict[int, Velocity] = {}
-        self._pushes: list[tuple[int, int, Vector, Vector, Vector]] = []
+        self._pushes: list[_Push] = []  # of resting bodies, for the next step
+        self._missed: list[_Push] = []  # those that their bodies slept through in the last step
         self._ground: list[int] = []
         self._obstacles: list[int] = []
         self._ground_set: frozenset[int] = frozenset()
@@ -150,10 +160,14 @@ class BulletEngine:
         del self._made[handle]
         self._resting.discard(handle)
         self._given.pop(handle, None)
-        self._pushes = [push for push in self._pushes if push[0] != handle]
+        self._pushes = _without(handle, self._pushes)
+        self._missed = _without(handle, self._missed)
         pybullet.removeBody(handle, physicsClientId=self._client)
 
     def step(self) -> None:
+        for push in self._missed:
+            self._apply(*push)
+        self._missed = []
         pybullet.stepSimulation(physicsClientId=self._client)
         if self._given or self._pushes:
             self._make_up()
@@ -166,12 +180,11 @@ class BulletEngine:
         """
         given, self._given = self._given, {}
         pushes, self._pushes = self._pushes, []
-        for handle, velocity in given.items():
-            if self._slept(handle):
-                self._move(handle, velocity)
-        for handle, link, force, torque, point in pushes:
-            if handle not in given and self._slept(handle):
-                self._apply(handle, link, force, torque, point)
+        concerned = {*given, *(handle for handle, *_ in pushes)}
+        slept = {handle for handle in concerned if self._slept(handle)}
+        for handle in slept & given.keys():
+            self._move(handle, given[handle])
+        self._missed = [push for push in pushes if push[0] in slept]
 
     def _slept(self, handle: int) -> bool:
         """Returns whether a body that is not fixed is without any motion after a step."""
@@ -240,6 +253,8 @@ class BulletEngine:
         pybullet.resetBaseVelocity(
             handle, centre.linear, centre.angular, physicsClientId=self._client
         )
+        # What it should have moved by is replaced.
+        self._missed = _without(handle, self._missed)
         if handle in self._resting and (any(centre.linear) or any(centre.angular)):
             self._given[handle] = centre
         else:
