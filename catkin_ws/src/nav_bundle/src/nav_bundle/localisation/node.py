@@ -327,10 +327,13 @@ class AmclNode:
             self._map_frame, self._odom_frame, self._base_frame = self._listen()
 
     def _start_at_initial_pose(self) -> None:
+        self._start_at(self._initial_pose())
+        self._estimate = self._map_from_odom = None
+
+    def _start_at(self, pose: Pose) -> None:
         config = self._config
         covariance = np.diag([config.initial_cov_xx, config.initial_cov_yy, config.initial_cov_aa])
-        self._localisation.set_pose(self._initial_pose(), covariance)
-        self._estimate = self._map_from_odom = None
+        self._localisation.set_pose(pose, covariance)
 
     def _read_correction(self) -> Correction | None:
         """Reads the correction file; an invalid file is only a warning, since a respawned amcl would fail forever."""
@@ -364,6 +367,7 @@ class AmclNode:
             rospy.logwarn(
                 "~correction_file is not used: odometry was restarted; starting at the initial pose"
             )
+            self._start_at(self._initial_pose().compose(odom))
             return
         self._localisation.set_pose(pose, REMEMBERED_COVARIANCE)
         rospy.loginfo(
