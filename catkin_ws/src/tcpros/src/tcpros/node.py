@@ -168,19 +168,6 @@ def _ignore(_: object) -> None:
     """Does nothing."""
 
 
-def _unless_notified(
-    watched: "TopicSource | _Watched", done: Callable[[Any], object]
-) -> Callable[[Any], object]:
-    """Returns ``done`` for the master's present answer: it is dropped if a newer notification has come before it."""
-    before = watched.notifications
-
-    def answered(value: Any) -> None:
-        if watched.notifications == before:
-            done(value)
-
-    return answered
-
-
 class Node:
     """One node. All methods must be called in the reactor's thread.
 
@@ -205,6 +192,7 @@ class Node:
         self._services: dict[str, Service] = {}
         self._watched: dict[str, _Watched] = {}
         self._unanswered = self._in_flight = 0
+        self._repetitions = 0  # of all registrations, at restarted masters
         self._unregister: Callable[[], object] | None = None
         self._is_unheard = self._is_closing = False
         self._registered: list[Callable[[], object]] = []
@@ -244,11 +232,11 @@ class Node:
         self._withdrawn = set()
         for topic in withdrawn:
             self._withdrawing.add(topic)
+            confirmed = partial(self._withdrawing.discard, topic)
             done = partial(self._has_withdrawn, topic)
-            self._register("unregisterPublisher", topic, self.uri, done=done)
+            self._register("unregisterPublisher", topic, self.uri, confirmed=confirmed, done=done)
 
     def _has_withdrawn(self, topic: str, _value: Any) -> None:
-        self._withdrawing.discard(topic)
         if topic in self._published:
             self._register_publisher(topic)
 
@@ -292,11 +280,11 @@ class Node:
         left, self._left = self._left - self._subscribed.keys(), set()
         for topic in left:
             self._leaving.add(topic)
+            confirmed = partial(self._leaving.discard, topic)
             done = partial(self._has_left, topic)
-            self._register("unregisterSubscriber", topic, self.uri, done=done)
+            self._register("unregisterSubscriber", topic, self.uri, confirmed=confirmed, done=done)
 
     def _has_left(self, topic: str, _value: Any) -> None:
-        self._leaving.discard(topic)
         for source in self._subscribed.get(topic, ()):
             self._register_subscriber(source)
 
@@ -333,24 +321,23 @@ class Node:
         self._answered(0)
 
     def register_again(self) -> None:
-        """Repeats all registrations at a restarted master, each until it is answered; refusals are ignored."""
+        """Repeats all registrations at a restarted master, each until it is answered; refusals are ignored.
+
+        The next call of this takes the place of one that is not answered yet.
+        """
         # What is withdrawn meanwhile is unregistered afterwards: see `_unregister_withdrawn`.
-        register = partial(self._register, may_be_refused=True)
+        self._repetitions += 1
+        repeat = partial(self._register, repetition=self._repetitions)
         for topic, publication in self._published.items():
-            register("registerPublisher", topic, publication.type, self.uri)
+            repeat("registerPublisher", topic, publication.type, self.uri)
         for topic, sources in self._subscribed.items():
             for source in sources:
-                register(
-                    "registerSubscriber",
-                    topic,
-                    source.type,
-                    self.uri,
-                    done=_unless_notified(source, source.update),
-                )
+                names = (topic, source.type, self.uri)
+                repeat("registerSubscriber", *names, done=source.update, notified=source)
         for service in self._services:
-            register("registerService", service, self._service_uri, self.uri)
+            repeat("registerService", service, self._service_uri, self.uri)
         for parameter, watched in self._watched.items():
-            register("subscribeParam", self.uri, parameter, done=_unless_notified(watched, watched))
+            repeat("subscribeParam", self.uri, parameter, done=watched, notified=watched)
 
     def close(self, done: Callable[[], object]) -> None:
         """Unregisters everything from the master, closes all connections, then calls ``done``."""
@@ -370,11 +357,11 @@ class Node:
     def _unregister_all(self, done: Callable[[], object]) -> None:
         calls = [
             ("unregisterPublisher", topic, self.uri)
-            for topic in self._published.keys() | self._withdrawn
+            for topic in self._published.keys() | self._withdrawn | self._withdrawing
         ]
         calls += [
             ("unregisterSubscriber", topic, self.uri)
-            for topic in self._subscribed.keys() | self._left
+            for topic in self._subscribed.keys() | self._left | self._leaving
         ]
         calls += [("unregisterService", service, self._service_uri) for service in self._services]
         calls += [("unsubscribeParam", self.uri, parameter) for parameter in self._watched]
@@ -427,28 +414,41 @@ class Node:
         method: str,
         *arguments: str,
         done: Callable[[Any], object] = _ignore,
-        may_be_refused: bool = False,
+        confirmed: Callable[[], object] | None = None,
+        notified: "TopicSource | _Watched | None" = None,
+        repetition: int = 0,
     ) -> None:
-        """Registers at the master, retrying until it answers, like rospy.
+        """Registers at the master, retrying until it answers, like rospy. If it refuses, the node shuts down.
 
-        If it refuses, the node shuts down, unless the call ``may_be_refused``.
+        Args:
+            method: of the master.
+            arguments: those after the node's name.
+            done: called with the answer, unless the node ends.
+            confirmed: called when it is answered, also while the node ends.
+            notified: an answer that is older than a notification of this is dropped.
+            repetition: number of the repetition that this is part of, 0 for none. It may be refused, and ends with the
+                next repetition.
         """
 
         def ask() -> None:
             if not self._is_closing:
                 self._in_flight += 1
-                self._context.master.call(method, (self.name, *arguments), answered, failed)
+                before = notified.notifications if notified is not None else 0
+                self._context.master.call(
+                    method, (self.name, *arguments), partial(answered, before), failed
+                )
 
         def failed(reason: str) -> None:
             self._in_flight -= 1
             self._unregister_when_answered()
             if self._is_closing:
                 return
-            if not isinstance(reason, NoAnswer):
-                if may_be_refused:
-                    self._answered(1)
-                else:
-                    self._shut_down(f"{method} of {' '.join(arguments[:2])} failed: {reason}")
+            is_refused = not isinstance(reason, NoAnswer)
+            if repetition and (is_refused or repetition != self._repetitions):
+                self._answered(1)
+                return
+            if is_refused:
+                self._shut_down(f"{method} of {' '.join(arguments[:2])} failed: {reason}")
                 return
             if not self._is_unheard:
                 self._context.logger.warning(
@@ -457,13 +457,16 @@ class Node:
             self._is_unheard = True
             self._context.reactor.call_later(ASK_AGAIN, ask)
 
-        def answered(value: Any) -> None:
+        def answered(before: int, value: Any) -> None:
+            if confirmed is not None:
+                confirmed()
             self._in_flight -= 1
             self._unregister_when_answered()
             if self._is_closing:
                 return
             self._is_unheard = False
-            done(value)
+            if notified is None or notified.notifications == before:
+                done(value)
             self._answered(1)
 
         self._unanswered += 1

@@ -319,6 +319,19 @@ def test_a_restarted_masters_answer_older_than_a_notification_replaces_nothing(
     held.answer()
 
 
+def until(context: NodeContext, condition: Callable[[], bool]) -> None:
+    """Runs the event loop until a condition holds."""
+
+    def look() -> None:
+        if condition():
+            context.reactor.stop()
+        else:
+            context.reactor.call_later(0.01, look)
+
+    look()
+    run_for(context)
+
+
 def test_what_does_not_reach_a_restarted_master_is_repeated(
     quick: NodeContext, held: HeldMaster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -331,16 +344,65 @@ def test_what_does_not_reach_a_restarted_master_is_repeated(
     node.register_again()
     held.called.clear()
     held.give_no_answer()
-
-    def look() -> None:
-        if len(held.called) == len(calls):
-            quick.reactor.stop()
-        else:
-            quick.reactor.call_later(0.01, look)
-
-    look()
-    run_for(quick)
+    until(quick, lambda: len(held.called) == len(calls))
     assert sorted(held.answer()) == sorted(calls)
+    node.close(lambda: None)
+    held.answer()
+
+
+@ROLES
+@pytest.mark.parametrize("ends_first", [False, True])
+def test_an_unregistration_without_an_answer_is_made_by_the_node_that_ends(
+    quick: NodeContext, held: HeldMaster, role: str, ends_first: bool
+) -> None:
+    """Its retry was left out because the node ended, and the dead node stayed registered."""
+    node = Node(quick, "/one", lambda _: None)
+    use = Use(node, role)
+    use.begin()
+    held.answer()
+    use.end()
+    if ends_first:
+        node.close(lambda: None)
+    held.give_no_answer()
+    if not ends_first:
+        node.close(lambda: None)
+    assert held.answer() == [f"unregister{role}"] * 2
+
+
+def test_an_answer_to_a_repeated_call_is_newer_than_a_notification_before_it(
+    quick: NodeContext, held: HeldMaster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last update of the old master came before the call that reached the new one, whose answer was dropped."""
+    monkeypatch.setattr("tcpros.node.ASK_AGAIN", 0.01)
+    node = Node(quick, "/one", lambda _: None)
+    source = node.subscribe("/words", String, lambda *_: None)
+    held.answer()
+    updates = list[object]()
+    monkeypatch.setattr(source, "update", updates.append)
+    node.register_again()
+    source.notify(["http://127.0.0.1:9/"])
+    held.called.clear()
+    held.give_no_answer()
+    until(quick, lambda: bool(held.called))
+    held.answer(["http://127.0.0.1:8/"])
+    assert updates == [["http://127.0.0.1:9/"], ["http://127.0.0.1:8/"]]
+    node.close(lambda: None)
+    held.answer()
+
+
+def test_repetitions_at_a_master_that_does_not_answer_do_not_add_up(
+    quick: NodeContext, held: HeldMaster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tcpros.node.ASK_AGAIN", 0.01)
+    node = Node(quick, "/one", lambda _: None)
+    node.publish("/words", String)
+    held.answer()
+    for _ in range(5):
+        node.register_again()
+    held.called.clear()
+    held.give_no_answer()
+    until(quick, lambda: bool(held.called))
+    assert held.answer() == ["registerPublisher"]
     node.close(lambda: None)
     held.answer()
 
