@@ -1,5 +1,6 @@
 """The action server: a cancel that comes while a goal waits for a transform holds for that goal, too."""
 
+import threading
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
@@ -28,7 +29,7 @@ class Server:
         self.server._cancels_of_all = 0
         self.server._pass_goal, self.server._pass_cancel = self.passed.append, self.cancels.append
         self.server.action_server = SimpleNamespace(
-            publish_result=lambda status, _: self.refused.append(status)
+            publish_result=lambda status, _: self.refused.append(status), lock=threading.RLock()
         )
 
     def _wait(self, _: PoseStamped) -> str:
@@ -56,6 +57,24 @@ def test_a_goal_that_waits_while_all_goals_are_cancelled_does_not_begin() -> Non
     assert [status.status for status in server.refused] == [GoalStatus.RECALLED]
     assert server.refused[0].goal_id.id == "of this test"
     assert server.cancels == [GoalID()]
+
+
+def test_no_cancel_comes_between_the_decision_and_the_goal() -> None:
+    """It would find no goal, and the goal would begin after it."""
+    server = Server(lambda _: None)
+    happened: list[str] = []
+    stopping = threading.Thread(target=server.cancel)
+
+    def begin(_: MoveBaseActionGoal) -> None:
+        stopping.start()
+        stopping.join(0.2)
+        happened.append("goal")
+
+    server.server._pass_goal = begin
+    server.server._pass_cancel = lambda _: happened.append("cancel")
+    server.send()
+    stopping.join()
+    assert happened == ["goal", "cancel"]
 
 
 def test_a_cancel_before_the_goal_does_not_hold_for_it() -> None:

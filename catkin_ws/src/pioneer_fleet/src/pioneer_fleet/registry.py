@@ -90,8 +90,10 @@ def _remove_killed(folder: Path) -> None:
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
             except BlockingIOError:
                 continue
-            for suffix in (".json", ".new", ".lock"):
-                lock.with_suffix(suffix).unlink(missing_ok=True)
+            # A new fleet with the PID of the killed one may have replaced the file meanwhile.
+            if os.path.samestat(os.fstat(file.fileno()), lock.stat()):
+                for suffix in (".json", ".new", ".lock"):
+                    lock.with_suffix(suffix).unlink(missing_ok=True)
 
 
 def _opened(path: Path) -> Any:

@@ -56,9 +56,13 @@ def written(death: NodeDeath) -> str:
 
 
 def deaths_in(text: str) -> Iterator[NodeDeath]:
-    """Yields the deaths in complete lines of a report."""
+    """Yields the deaths in complete lines of a report; a line that was cut, by a full disk and a kill, is left out."""
     for line in text.splitlines():
-        yield NodeDeath(**json.loads(line))
+        try:
+            fields = json.loads(line)
+        except ValueError:
+            continue
+        yield NodeDeath(**fields)
 
 
 def report_deaths() -> None:

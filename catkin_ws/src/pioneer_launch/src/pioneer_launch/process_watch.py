@@ -36,10 +36,8 @@ class ProcessWatch:
         # roslaunch has no handler here: an exception would end its monitor, and no node would be started again.
         with self._faults:
             self._await_event(seconds)
-        if (
-            self._faults.has_failed
-        ):  # such as no descriptor left for a process: poll, as roslaunch does
-            time.sleep(seconds)
+        if self._faults.has_failed:
+            time.sleep(seconds)  # poll, as roslaunch does
 
     def _await_event(self, seconds: float) -> None:
         monitored: Iterable[Any] = getattr(threading.current_thread(), "procs", ())

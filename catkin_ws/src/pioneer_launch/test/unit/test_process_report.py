@@ -11,7 +11,7 @@ import pytest
 
 from pioneer_harness.wait import wait_until
 from pioneer_launch import process_report
-from pioneer_launch.process_report import Listener, begin_report, deaths_in
+from pioneer_launch.process_report import Listener, NodeDeath, begin_report, deaths_in, written
 
 PATIENCE = 20.0
 
@@ -77,3 +77,9 @@ def test_a_death_that_cannot_be_written_is_reported_once_it_can(
     monitor.node.spawn_count = 3
     listener.process_died("amcl-1", -9)
     assert names_in(report) == ["amcl", "amcl", "amcl"]
+
+
+def test_a_line_that_was_cut_costs_no_other() -> None:
+    """A full disk and the launcher's end had left half a line, which ended the fleet's command."""
+    line = written(NodeDeath("pioneer1/amcl", 7, -9, "", True))
+    assert [death.pid for death in deaths_in(f"{line[:20]}{line}{line}")] == [7]

@@ -1,9 +1,11 @@
 """The coordinator node without a master: each way to stop its robot reaches the pilot, and a stop is kept."""
 
+import http.client
 import queue
 import threading
 from types import SimpleNamespace
 from typing import Any
+from xml.parsers.expat import ExpatError
 
 import pytest
 import rospy
@@ -255,6 +257,7 @@ class Master:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, value: str = "") -> None:
         self.value, self.fails = value, False
+        self.error: Exception = OSError("the master has ended")
         self.writes: queue.SimpleQueue[str] = queue.SimpleQueue()
         monkeypatch.setattr(rospy, "get_param", lambda *_: self.value)
         monkeypatch.setattr(rospy, "set_param", self._set)
@@ -264,7 +267,7 @@ class Master:
         fails, self.fails = self.fails, False
         self.writes.put(value)
         if fails:
-            raise OSError("the master has ended")
+            raise self.error
         self.value = value
 
 
@@ -278,6 +281,20 @@ def test_a_hold_is_read_at_the_start_and_written_once_at_each_change(
         hold.keep(reason)
     assert [master.writes.get(timeout=10.0) for _ in range(2)] == ["", "moved by hand"]
     assert master.writes.empty()
+
+
+@pytest.mark.parametrize(
+    "error", [OSError("it is away"), http.client.BadStatusLine(""), ExpatError("half an answer")]
+)
+def test_a_hold_that_could_not_be_written_is_written_later(
+    monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    """One failed write used to lose the stop for good, and some errors ended all writing."""
+    monkeypatch.setattr(kept_hold, "RETRY", 0.01)
+    master = Master(monkeypatch)
+    master.fails, master.error = True, error
+    kept_hold.KeptHold().keep("cancelled by /rviz")
+    assert [master.writes.get(timeout=10.0) for _ in range(2)] == ["cancelled by /rviz"] * 2
 
 
 def test_a_master_that_fails_ends_no_later_write(monkeypatch: pytest.MonkeyPatch) -> None:

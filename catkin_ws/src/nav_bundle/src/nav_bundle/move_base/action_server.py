@@ -61,7 +61,8 @@ class ActionServer(actionlib.SimpleActionServer):
     Invalid messages have no side effects. A goal with a ``fault`` is aborted without preempting the active goal. A
     cancel stamped more than ``future_limit`` [s] ahead, which would block all goals until then, is dropped.
 
-    ``fault`` may wait, for example for a transform. A cancel of all goals holds for the goal that waits, too.
+    ``fault`` may wait, for example for a transform. A cancel of all goals holds for the goal that waits, too
+    (not for one that the same client has sent meanwhile, which rospy passes on only then).
     """
 
     def __init__(self, name: str, fault: Callable[[PoseStamped], str], future_limit: float) -> None:
@@ -82,10 +83,13 @@ class ActionServer(actionlib.SimpleActionServer):
         cancels = self._cancels_of_all
         if fault := self._goal_fault(goal.goal.target_pose):
             self._refuse(goal, GoalStatus.ABORTED, fault)
-        elif self._cancels_of_all != cancels:
-            self._refuse(goal, GoalStatus.RECALLED, _RECALLED)
-        else:
-            self._pass_goal(goal)
+            return
+        # Otherwise, a cancel between the two lines would find no goal.
+        with self.action_server.lock:
+            if self._cancels_of_all == cancels:
+                self._pass_goal(goal)
+                return
+        self._refuse(goal, GoalStatus.RECALLED, _RECALLED)
 
     def _refuse(self, goal: MoveBaseActionGoal, state: int, text: str) -> None:
         status = GoalStatus(goal.goal_id, state, text)
@@ -94,9 +98,10 @@ class ActionServer(actionlib.SimpleActionServer):
     def _on_cancel(self, cancel: GoalID) -> None:
         ahead = (cancel.stamp - rospy.Time.now()).to_sec()
         if ahead <= self._future_limit:
-            if not cancel.id and cancel.stamp.is_zero():
-                self._cancels_of_all += 1
-            self._pass_cancel(cancel)
+            with self.action_server.lock:
+                if not cancel.id and cancel.stamp.is_zero():
+                    self._cancels_of_all += 1
+                self._pass_cancel(cancel)
         else:
             rospy.logwarn_throttle(
                 _WARNING_PERIOD,
