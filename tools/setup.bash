@@ -20,6 +20,11 @@ die() {
   exit 1
 }
 
+# Bash drops a Ctrl-C that comes just as one of its commands ends well: it takes it for that command's. Not with a handler.
+heed_ctrl_c() {
+  trap 'trap - INT; kill -INT $$' INT
+}
+
 # as_root COMMAND...: runs the command as root, through sudo if necessary. sudo drops the proxy's variables unless told.
 as_root() {
   if [[ $EUID -eq 0 ]]; then
@@ -49,7 +54,8 @@ step() {
       next=$((next + 15))
     fi
   done
-  trap - INT TERM HUP QUIT
+  trap - TERM HUP QUIT
+  heed_ctrl_c
   if ! wait "$pid"; then
     [[ -t 1 ]] && printf '\n'
     explain_failure "$label" "$log"
