@@ -21,6 +21,7 @@ class CoordinatorConfig:
         1.0  #: distance from what it holds above which a robot has been carried elsewhere
     )
     memory: float = 300.0  #: a robot silent for longer is forgotten
+    speed: float = 1.2  #: highest speed of the robots [m/s]: how far a silent one may have come
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,6 @@ from pioneer_traffic.neighbours import (
     comes_by,
     ground_wanted,
     hear_one_another,
-    held_outside,
     is_ready,
     listed,
     partners_of,
@@ -54,7 +53,7 @@ class Coordinator:
         self._config = config or CoordinatorConfig()
         self._roadmap, self._expected = roadmap, frozenset(expected) - {name}
         self._own = Report(name, roadmap.signature, (0.0, 0.0))
-        self._neighbours = Neighbours(roadmap, self._config)
+        self._neighbours = Neighbours(name, roadmap, self._config)
         self._obstacles: tuple[Point, ...] = ()
         self._began, self._advanced_at, self._met_at = math.inf, -math.inf, -math.inf
         self._waypoint: Point | None = None
@@ -162,6 +161,7 @@ class Coordinator:
             self._enter_if_left_out()
         self._avoid_occupied_ground(fresh)
         self._progress()
+        self._finish_at_goal()
         self._make_plan_if_due(fresh, now)
         self._follow_newest(fresh)
         if self._own.ready == self._plan.id and hear_one_another(
@@ -170,6 +170,7 @@ class Coordinator:
             self._take(fresh)
             self._leave(fresh)
         self._visit()
+        self._neighbours.foresight.note_own(self._own)
         return self._own
 
     def _restart_clock(self) -> None:
@@ -383,6 +384,7 @@ class Coordinator:
             PlanId(number, self._own.robot),
             occupied.ways,
         )
+        self._neighbours.foresight.learn(plan)
         self._own = replace(self._own, plan=plan)
 
     def _is_overtaken(self, reports: Sequence[Report], now: float) -> bool:
@@ -435,7 +437,7 @@ class Coordinator:
     def _take(self, fresh: dict[str, Report]) -> None:
         """Takes the next places of the path, unless another robot has to pass first or an outsider holds them."""
         path = self._plan.paths.get(self._own.robot, ())
-        held = held_outside(self._plan, fresh)
+        held = self._neighbours.held_outside(self._plan, fresh)
         while (
             self._taken + 1 < len(path)
             and len(self._track) <= self._config.horizon
@@ -463,6 +465,13 @@ class Coordinator:
             other.reached >= index or (index == 0 and place not in other.held)
         )
 
+    def _finish_at_goal(self) -> None:
+        """Notes that the waypoint is reached, if it is right at the goal's place, before a new plan leads elsewhere."""
+        has_waypoint = self._waypoint is not None
+        is_on_place = not self._own.region and not self._own.out
+        if has_waypoint and is_on_place and self._own.has_arrived and self._is_at_place(0):
+            self.finished = True
+
     def _leave(self, fresh: dict[str, Report]) -> None:
         """Leaves the roadmap for the waypoint, once the goal is reached, if the plan grants the surrounding places.
 
@@ -470,16 +479,15 @@ class Coordinator:
         """
         own, plan = self._own, self._plan
         has_waypoint = self._waypoint is not None and not self.finished
-        if not has_waypoint or own.out or not own.has_arrived or not self._is_at_place(0):
+        if not has_waypoint or not own.region or own.out:
             return
-        if not own.region:
-            self.finished = True
+        if not own.has_arrived or not self._is_at_place(0):
             return
         others = [self._neighbours.reports[name] for name in plan.paths if name != own.robot]
         free = all(
             other.adopted == plan.id and not comes_by(other, plan, own.region) for other in others
         )
-        free = free and held_outside(self._plan, fresh).isdisjoint(own.region)
+        free = free and self._neighbours.held_outside(self._plan, fresh).isdisjoint(own.region)
         if free and set(own.region) <= set(plan.regions.get(own.robot, ())):
             self._visited, self._aside = self._waypoint, own.region
             self._own = replace(own, out=True)

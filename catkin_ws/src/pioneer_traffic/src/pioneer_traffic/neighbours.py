@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from pioneer_traffic.config import CoordinatorConfig
+from pioneer_traffic.foresight import Foresight
 from pioneer_traffic.geometry import Point
 from pioneer_traffic.report import NO_PLAN, Plan, PlanId, Report
 from pioneer_traffic.roadmap import Roadmap, Way
@@ -40,11 +41,14 @@ class Neighbours:
     """The other robots, by their reports.
 
     Args:
+        robot: the name of this robot.
         roadmap: this robot's.
         config: the same for all robots.
     """
 
-    def __init__(self, roadmap: Roadmap, config: CoordinatorConfig) -> None:
+    def __init__(self, robot: str, roadmap: Roadmap, config: CoordinatorConfig) -> None:
+        #: the plans, and what the others may hold by these
+        self.foresight = Foresight(robot, roadmap, config)
         self._roadmap = roadmap
         self._config = config
         self._signature = roadmap.signature
@@ -59,6 +63,7 @@ class Neighbours:
         if report.roadmap != self._signature:
             # Its numbers of places and plans mean something else here.
             report = replace(report, held=(), plan=None, adopted=PlanId(), ready=PlanId())
+        self.foresight.learn(report.plan)
         self.reports[report.robot] = report
         self._heard_at[report.robot] = now
 
@@ -101,10 +106,8 @@ class Neighbours:
         """Returns what robots that are lost or take no part, and ``obstacles``, keep from the others."""
         outsiders = [report for name, report in self.reports.items() if name not in partners]
         points = [*obstacles, *(self.standing_at(report) for report in outsiders)]
-        places: set[int] = set()
         ways: set[Way] = set()
-        for report in outsiders:
-            places.update(report.held)
+        places = self.foresight.all_held(outsiders)
         for point in points:
             around = self._occupied.get(point) or self._occupied_around(point)
             places |= around.places
@@ -138,6 +141,11 @@ class Neighbours:
         if not names:
             return Obstruction("no plan includes the robot")
         return Obstruction(f"no place is free, among {listed(names, fresh)}", names)
+
+    def held_outside(self, plan: Plan, fresh: dict[str, Report]) -> set[int]:
+        """Returns the places that robots outside a plan may hold, of those that are not lost."""
+        outsiders = [report for report in fresh.values() if report.robot not in plan.paths]
+        return self.foresight.all_held(outsiders)
 
     def strays(self) -> list[Point]:
         """Returns the positions of robots that are away from what they hold, or that hold nothing."""
@@ -187,16 +195,6 @@ def partners_of(own: Report, fresh: dict[str, Report]) -> list[Report]:
 def hear_one_another(plan: Plan, own: str, fresh: dict[str, Report]) -> bool:
     """Returns whether robot ``own`` and all others in a plan receive each other's reports."""
     return all(name == own or (name in fresh and own in fresh[name].heard) for name in plan.paths)
-
-
-def held_outside(plan: Plan, fresh: dict[str, Report]) -> set[int]:
-    """Returns the places held by robots outside a plan."""
-    return {
-        place
-        for report in fresh.values()
-        if report.robot not in plan.paths
-        for place in report.held
-    }
 
 
 def ground_wanted(report: Report) -> tuple[int, ...]:

@@ -17,6 +17,8 @@ from pioneer_traffic.roadmap import Roadmap, Way
 
 _TRIES, _MOST, _GOOD = 4, 500, 1.6
 """Searches with different priorities, configurations tried in each, and moves per needed move that are good enough."""
+_LAST_RESORT = 60_000
+"""Steps of robots tried for one robot if there is no plan otherwise: 0.2 s."""
 
 
 def planned(
@@ -204,19 +206,40 @@ def _pocket(roadmap: Roadmap, report: Report) -> set[int]:
     return inside
 
 
-def _nearest_free(graph: Graph, wanted: int, taken: Collection[int], otherwise: int) -> int:
-    return next((place for place in _around(graph, wanted) if place not in taken), otherwise)
+def _nearest_free(graph: Graph, wanted: int, taken: Collection[int], stop: int) -> int:
+    """Returns the free place nearest to ``wanted``; of several, the one nearest to the robot's stop.
+
+    Otherwise two robots that want one place changed sides at each plan, for ever.
+    """
+    nearest: list[int] = []
+    least = len(graph)
+    for place, steps in _around_by_steps(graph, wanted):
+        if steps > least:
+            break
+        if place not in taken:
+            nearest.append(place)
+            least = steps
+    if not nearest or stop in nearest:
+        return stop
+    if len(nearest) == 1:
+        return nearest[0]
+    return next((place for place in _around(graph, stop) if place in nearest), nearest[0])
 
 
 def _around(graph: Graph, start: int) -> Iterator[int]:
     """Yields the places reachable from ``start``, the nearest first."""
-    known, waiting = {start}, deque([start])
+    return (place for place, _ in _around_by_steps(graph, start))
+
+
+def _around_by_steps(graph: Graph, start: int) -> Iterator[tuple[int, int]]:
+    """Yields the places reachable from ``start``, the nearest first, each with its number of steps."""
+    known, waiting = {start}, deque([(start, 0)])
     while waiting:
-        place = waiting.popleft()
-        yield place
+        place, steps = waiting.popleft()
+        yield place, steps
         fresh = [other for other in graph[place] if other not in known]
         known.update(fresh)
-        waiting.extend(fresh)
+        waiting.extend((other, steps + 1) for other in fresh)
 
 
 def _distances(graph: Graph, goal: int) -> list[int]:
@@ -251,12 +274,12 @@ def _search(
         for distance, fine in zip(distances, reachable, strict=True)
     ]
 
-    def led_by(led: Sequence[int], attempt: int) -> list[list[int]] | None:
+    def led_by(led: Sequence[int], attempt: int, most: int = _MOST) -> list[list[int]] | None:
         goals = [target if robot in led else None for robot, target in enumerate(targets)]
         order = list(range(len(starts)))
         if attempt:
             random.Random(seed + attempt).shuffle(order)
-        found = solve(Problem(graph, starts, guides, goals), order, seed + attempt, _MOST)
+        found = solve(Problem(graph, starts, guides, goals), order, seed + attempt, most)
         return None if found is None else _without_detours(found)
 
     best, least = [[start] for start in starts], math.inf
@@ -279,8 +302,10 @@ def _search(
             if tracks is not None:
                 best, led = tracks, [*led, robot]
     if least == math.inf and not led:
-        found = (_led_past(graph, starts, targets, guides, robot, seed) for robot in waiting)
-        best = next((tracks for tracks in found if tracks is not None), best)
+        led_past = (_led_past(graph, starts, targets, guides, robot, seed) for robot in waiting)
+        thorough = (led_by([robot], 0, _LAST_RESORT // len(starts)) for robot in waiting[:1])
+        found = (tracks for tracks in chain(led_past, thorough) if tracks is not None)
+        best = next(found, best)
     return best
 
 

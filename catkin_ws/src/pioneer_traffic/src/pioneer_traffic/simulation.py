@@ -106,6 +106,8 @@ class Trial:
             Coordinator(name, roadmap, CoordinatorConfig(reach=_REACH), names) for name in names
         ]
         self.present = [True] * len(starts)
+        #: links that are cut, by the indices of sender and receiver
+        self.cut: set[tuple[int, int]] = set()
         self.time, self.gap, self.shared = 0.0, math.inf, False
         self._steps = 0
         self._reached = [0] * len(starts)
@@ -152,7 +154,8 @@ class Trial:
     def _speak(self, index: int, coordinator: Coordinator) -> None:
         report = coordinator.advance(self.bodies[index].position, self.time)
         for other, receiver in enumerate(self.coordinators):
-            if other != index and self.present[other] and self._random.random() >= self._loss:
+            is_linked = other != index and self.present[other] and (index, other) not in self.cut
+            if is_linked and self._random.random() >= self._loss:
                 receiver.receive(report, self.time)
         held = [
             set(self.coordinators[one].report.held)

@@ -31,6 +31,7 @@ def lattice(drawing: list[str]) -> Roadmap:
 
 ROW = lattice(["......."])
 BAY = lattice(["      .      ", "............."])
+CORRIDOR = lattice(["    .    ", "........."])
 ROOMS = lattice(
     ["...   ...", ".........", "...   ...", " .     . ", "...   ...", ".........", "...   ..."]
 )
@@ -92,6 +93,49 @@ def test_a_robot_may_go_at_any_time_and_come_back(seed: int, robots: int, absenc
     trial.present[gone] = True
     outcome = trial.run(1500.0)
     assert (outcome.reached, outcome.contacts, outcome.shared) == (outcome.asked, 0, False)
+
+
+@pytest.mark.parametrize("cut_at", [3.0, 3.5, 4.0, 4.5, 5.0, 6.0])
+def test_a_robot_that_is_not_heard_but_hears_is_not_driven_into(cut_at: float) -> None:
+    """It goes on by the plan until it hears that it is lost; the other robot took the same places meanwhile."""
+    left, right = CORRIDOR.places[1], CORRIDOR.places[-1]
+    trial = Trial(CORRIDOR, None, [left, right], [[right], []])
+    trial.run(cut_at)
+    trial.cut = {(1, 0)}
+    outcome = trial.run(cut_at + 40.0)
+    assert (outcome.contacts, outcome.shared) == (0, False)
+    trial.cut = set()
+    outcome = trial.run(cut_at + 140.0)
+    assert (outcome.reached, outcome.contacts, outcome.shared) == (1, 0, False)
+
+
+@settings(max_examples=8, deadline=None)
+@given(seed=st.integers(0, 10**6), robots=st.integers(2, 5))
+@example(seed=106, robots=3)
+def test_robots_without_goals_may_stop_to_be_heard_at_any_time(seed: int, robots: int) -> None:
+    """They make way and hear the others; of those with goals, no other robot could know where they drive."""
+    generator = random.Random(seed)
+    order = generator.sample(range(robots), robots)
+    idle = order[: generator.randint(1, robots - 1)]
+    tours = [[] if one in idle else generator.sample(ROOMS.places, 2) for one in range(robots)]
+    trial = Trial(ROOMS, None, generator.sample(ROOMS.places, robots), tours, loss=0.1, seed=seed)
+    for _ in range(8):
+        trial.run(trial.time + generator.uniform(0.0, 10.0))
+        sender = generator.choice(idle)
+        receiver = generator.choice([one for one in range(robots) if one != sender])
+        trial.cut ^= {(sender, receiver)}
+        trial.cut -= {(receiver, sender)}
+    trial.cut = set()
+    outcome = trial.run(1500.0)
+    assert (outcome.reached, outcome.contacts, outcome.shared) == (outcome.asked, 0, False)
+
+
+def test_a_goal_is_reached_even_if_the_next_plan_is_made_at_that_moment() -> None:
+    """The robot that makes the plans led itself away from a goal that it had just reached, again and again."""
+    trial = Trial(ROW, None, [ROW.places[0], ROW.places[2]], [[ROW.places[3]], [ROW.places[3]]])
+    outcome = trial.run(120.0)
+    assert outcome.contacts == 0
+    assert min(outcome.finished) < 30.0
 
 
 def test_a_robot_carried_into_the_way_of_another_is_not_driven_into() -> None:

@@ -59,6 +59,31 @@ def test_of_two_robots_with_one_goal_the_one_that_has_waited_longest_gets_it() -
     assert plan.paths["a"][-1] != 3
 
 
+def test_of_two_robots_with_one_goal_the_other_one_stays_on_its_side() -> None:
+    """Both sides of the goal were equally near: the two changed sides at each plan, for ever."""
+    there = Report("a", ROW.signature, ROW.places[3], (3,), 3, since=1.0)
+    for at in (2, 4, 5):
+        beside = Report("b", ROW.signature, ROW.places[at], (at,), 3, since=1.0)
+        plan = planned(ROW, [there, beside], (), PlanId(1, "a"))
+        assert plan.paths["a"] == (3,)
+        assert plan.paths["b"][-1] == min(at, 4)
+
+
+def test_a_robot_passes_two_that_it_has_to_send_through_the_only_bay() -> None:
+    """The search gave up after 500 steps, and the robots stood until their goals were aborted."""
+    long_row = [(float(col), 0.0) for col in range(13)]
+    ways = [[other for other in (col - 1, col + 1) if 0 <= other < 13] for col in range(13)]
+    ways[6].append(13)
+    bay = Roadmap([*long_row, (6.0, 1.0)], [*ways, [6]])
+    reports = [
+        Report("first", bay.signature, bay.places[5], (5,), 12, since=1.0),
+        Report("second", bay.signature, bay.places[8], (8,)),
+        Report("third", bay.signature, bay.places[13], (13,)),
+    ]
+    plan = planned(bay, reports, (), PlanId(1, "first"))
+    assert plan.paths["first"][-1] == 12
+
+
 def test_an_idle_robot_makes_room_and_comes_back() -> None:
     row = Roadmap(
         [*PLACES[:COLS], (3.0, 1.0)], [[1], [0, 2], [1, 3], [2, 4, 7], [3, 5], [4, 6], [5], [3]]

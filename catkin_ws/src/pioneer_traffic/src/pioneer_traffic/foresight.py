@@ -1,0 +1,96 @@
+"""Where robots may be by now whose reports are late or lost: the places that they may have taken since.
+
+A robot whose reports no longer arrive may still hear the others, and go on by the plan that it follows: until it hears
+that they have lost it, or has lost them itself. What it may take until then is kept from the others.
+
+No ROS, no clock.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+
+from pioneer_traffic.config import CoordinatorConfig
+from pioneer_traffic.report import Plan, PlanId, Report
+from pioneer_traffic.roadmap import Roadmap
+
+_KEPT = 50
+"""Number of plans that are stored: the newest."""
+
+
+class Foresight:
+    """What one robot knows of the plans, and what the others may hold by these.
+
+    Args:
+        robot: the name of this robot.
+        roadmap: this robot's.
+        config: the same for all robots.
+    """
+
+    def __init__(self, robot: str, roadmap: Roadmap, config: CoordinatorConfig) -> None:
+        self._robot = robot
+        self._roadmap = roadmap
+        self._config = config
+        self._plans: dict[PlanId, Plan] = {}
+        #: by plan that this robot has adopted, the last place reached on its path
+        self._own_reached: dict[PlanId, int] = {}
+
+    def learn(self, plan: Plan | None) -> None:
+        """Stores a plan that a robot has made."""
+        if plan is None or plan.id in self._plans:
+            return
+        self._plans[plan.id] = plan
+        if len(self._plans) > _KEPT:
+            oldest = min(self._plans)
+            del self._plans[oldest]
+            self._own_reached.pop(oldest, None)
+
+    def note_own(self, report: Report) -> None:
+        """Stores how far this robot has come by the plan that it follows."""
+        if report.adopted in self._plans:
+            self._own_reached[report.adopted] = report.reached
+
+    def may_hold(self, report: Report) -> set[int]:
+        """Returns the places that a robot may hold by now: of its report, and what it may have taken since."""
+        places = set(report.held)
+        for plan in self._plans.values():
+            # A robot takes no further place by a plan once it knows a newer one.
+            if report.robot in plan.paths and plan.id >= report.ready:
+                places.update(self._ahead(report, plan))
+        return places
+
+    def _ahead(self, report: Report, plan: Plan) -> Iterator[int]:
+        """Yields the places that a robot may have taken by a plan since its report."""
+        path = plan.paths[report.robot]
+        reached = max(0, report.reached) if report.adopted == plan.id else 0
+        first_wait = self._first_wait(report.robot, plan, reached)
+        last = self._last_reached(report, path, reached) + self._config.horizon
+        yield from path[reached : min(last + 1, first_wait)]
+        if last + 1 >= len(path) and first_wait == len(path):
+            yield from plan.regions.get(report.robot, ())
+
+    def _first_wait(self, robot: str, plan: Plan, reached: int) -> int:
+        """Returns the first step, after the one reached, that a robot takes only after this robot has made way."""
+        steps = (
+            wait.step
+            for wait in plan.waits
+            if wait.robot == robot and wait.other == self._robot and wait.step > reached
+            if self._own_reached.get(plan.id, -2) < wait.other_step - int(wait.other_step == 0)
+        )
+        return min(steps, default=len(plan.paths[robot]))
+
+    def _last_reached(self, report: Report, path: tuple[int, ...], reached: int) -> int:
+        """Returns the last step that a robot can have reached before it notices that it is lost."""
+        # It is lost after one lease, and may hear this robot, which says so, until another one has passed.
+        left = 2.0 * self._config.lease * self._config.speed
+        before = report.position
+        for step in range(reached + 1, len(path)):
+            place = self._roadmap.places[path[step]]
+            left -= math.dist(before, place)
+            if left < 0.0:
+                return step - 1
+            before = place
+        return len(path) - 1
+
+    def all_held(self, reports: Iterable[Report]) -> set[int]:
+        """Returns the places that any of these robots may hold by now."""
+        return {place for report in reports for place in self.may_hold(report)}
