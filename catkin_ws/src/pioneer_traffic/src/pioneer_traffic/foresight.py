@@ -69,14 +69,24 @@ class Foresight:
             yield from plan.regions.get(report.robot, ())
 
     def _first_wait(self, robot: str, plan: Plan, reached: int) -> int:
-        """Returns the first step, after the one reached, that a robot takes only after this robot has made way."""
-        steps = (
+        """Returns the first step, after the one reached, for which a robot still waits for this one."""
+        waits = [
             wait.step
             for wait in plan.waits
-            if wait.robot == robot and wait.other == self._robot and wait.step > reached
-            if self._own_reached.get(plan.id, -2) < wait.other_step - int(wait.other_step == 0)
-        )
-        return min(steps, default=len(plan.paths[robot]))
+            if wait.robot == robot
+            and wait.other == self._robot
+            and wait.step > reached
+            and not self._has_made_way(plan.id, wait.other_step)
+        ]
+        return min(waits, default=len(plan.paths[robot]))
+
+    def _has_made_way(self, plan: PlanId, step: int) -> bool:
+        """Returns whether this robot may have reported that it has come to a step of its path in a plan."""
+        own_reached = self._own_reached.get(plan)
+        if own_reached is None:
+            return False  # it has never followed that plan
+        # What it holds before the first place of its path counts as left sooner.
+        return step == 0 or own_reached >= step
 
     def _last_reached(self, report: Report, path: tuple[int, ...], reached: int) -> int:
         """Returns the last step that a robot can have reached before it notices that it is lost."""
