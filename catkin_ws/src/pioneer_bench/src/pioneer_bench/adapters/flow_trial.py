@@ -26,7 +26,7 @@ from tcpros.authority import Authority
 
 TOPIC_TOOLS_RELAY = "/usr/lib/topic_tools/relay"
 SERVICE = "/echo"
-CALLS = 100
+CALLS = 1000
 """Calls in one sample."""
 
 
