@@ -105,12 +105,12 @@ def test_a_reader_that_ends_is_reported_in_one_line_and_ends_the_demo(tmp_path: 
 
 @pytest.mark.parametrize("heeds", [True, False])
 def test_ctrl_c_is_heard_even_if_a_command_of_the_script_ends_at_that_moment(heeds: bool) -> None:
-    """Bash took it for the command's own and went on: one in fifty in the first moments of ``./pioneer demo``."""
+    """Bash took it for the command's own and continued: one in fifty in the first moments of ``./pioneer demo``."""
     ends_well = "bash -c 'kill -INT $PPID'"
     heed = "heed_ctrl_c" if heeds else ":"
-    script = f'root={ROOT}; . "$root/tools/setup.bash"; {heed}; {ends_well}; echo went on'
+    script = f'root={ROOT}; . "$root/tools/setup.bash"; {heed}; {ends_well}; echo continued'
     done = run("bash", "-c", script, start_new_session=True)
-    assert (done.returncode, done.stdout) == ((-signal.SIGINT, "") if heeds else (0, "went on\n"))
+    assert (done.returncode, done.stdout) == ((-signal.SIGINT, "") if heeds else (0, "continued\n"))
     assert "\nheed_ctrl_c\n" in (ROOT / "pioneer").read_text()
 
 

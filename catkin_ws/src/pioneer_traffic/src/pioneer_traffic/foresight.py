@@ -1,7 +1,7 @@
 """Where robots may be by now whose reports are late or lost: the places that they may have taken since.
 
-A robot whose reports no longer arrive may still hear the others, and go on by the plan that it follows: until it hears
-that they have lost it, or has lost them itself. What it may take until then is kept from the others.
+A robot whose reports no longer arrive may still hear the others, and continue by the plan that it follows, until it
+hears that they have lost it, or has lost them itself. What it may take until then is kept from the others.
 
 No ROS, no clock.
 """
@@ -90,7 +90,7 @@ class Foresight:
 
     def _last_reached(self, report: Report, path: tuple[int, ...], reached: int) -> int:
         """Returns the last step that a robot can have reached before it notices that it is lost."""
-        # It is lost after one lease, and may hear this robot, which says so, until another one has passed.
+        # It is lost after one lease, and may hear this robot, whose reports then show it, until another one has passed.
         left = 2.0 * self._config.lease * self._config.speed
         before = report.position
         for step in range(reached + 1, len(path)):

@@ -97,7 +97,7 @@ def test_a_robot_may_go_at_any_time_and_come_back(seed: int, robots: int, absenc
 
 @pytest.mark.parametrize("cut_at", [3.0, 3.5, 4.0, 4.5, 5.0, 6.0])
 def test_a_robot_that_is_not_heard_but_hears_is_not_driven_into(cut_at: float) -> None:
-    """It goes on by the plan until it hears that it is lost; the other robot took the same places meanwhile."""
+    """It continues by the plan until it hears that it is lost; the other robot took the same places meanwhile."""
     left, right = CORRIDOR.places[1], CORRIDOR.places[-1]
     trial = Trial(CORRIDOR, None, [left, right], [[right], []])
     trial.run(cut_at)
