@@ -7,6 +7,7 @@ import json
 import os
 import re
 import statistics
+import subprocess
 import sys
 import threading
 import time
@@ -211,23 +212,48 @@ def start_operator(group: ProcessGroup, fleet: Fleet, folder: Path) -> Path:
     return log
 
 
-def stops(log: Path) -> dict:
-    """Returns the operator's newest figures; empty before the first STOP."""
-    lines = [line for line in log.read_text().splitlines() if line.startswith("{")]
-    return json.loads(lines[-1]) if lines else {}
+def newest_figures(log: Path) -> dict:
+    """Returns the figures that a process has told last; empty before the first ones."""
+    lines = log.read_text().splitlines(keepends=True) if log.exists() else []
+    figures = [line for line in lines if line.startswith("{") and line.endswith("\n")]
+    return json.loads(figures[-1]) if figures else {}
 
 
 def counts(logs: list[Path]) -> Counter[str]:
     """Returns how often each target has been hit so far."""
     total = Counter[str]()
     for log in logs:
-        lines = [
-            line
-            for line in (log.read_text().splitlines() if log.exists() else [])
-            if line.startswith("{")
-        ]
-        total.update(json.loads(lines[-1]) if lines else {})
+        total.update(newest_figures(log))
     return total
+
+
+def test_what_another_thread_logs_does_not_get_into_a_line_of_figures(tmp_path):
+    """Two calls of write for one line let a warning in between, and the test of hostile input could not read it."""
+    program = """
+import sys, threading
+from figures import tell
+
+def log():
+    for _ in range(20000):
+        sys.stderr.write("a warning\\n")
+
+threads = [threading.Thread(target=log) for _ in range(2)]
+for thread in threads:
+    thread.start()
+while any(thread.is_alive() for thread in threads):
+    tell({"inputs": 1})
+"""
+    log = tmp_path / "log"
+    with log.open("wb") as file:
+        subprocess.run(
+            [sys.executable, "-u", "-c", program],
+            env={**os.environ, "PYTHONPATH": str(FUZZERS)},
+            stdout=file,
+            stderr=subprocess.STDOUT,
+            check=True,
+        )
+    lines = set(log.read_text().splitlines())
+    assert lines == {"a warning", '{"inputs": 1}'}
 
 
 def test_a_fleet_keeps_reaching_waypoints_under_hostile_input(
@@ -241,7 +267,7 @@ def test_a_fleet_keeps_reaching_waypoints_under_hostile_input(
     say(f"the fleet drives; {minutes:g} minutes of hostile input, seed {seed}")
     with ProcessGroup() as group:
         operator = start_operator(group, fleet, tmp_path)
-        wait_until(lambda: group.check() or stops(operator), "the operator's first STOP", 60)
+        wait_until(lambda: group.check() or newest_figures(operator), "the operator's first STOP", 60)
         logs = start_fuzzers(group, fleet, tmp_path, seed)
         watch(fleet, group, logs, operator, 60 * minutes)
     met = counts(logs)
@@ -252,7 +278,7 @@ def test_a_fleet_keeps_reaching_waypoints_under_hostile_input(
         90,
     )
     verdict(fleet, met, GROWTH if minutes >= LONG else GROWTH_AT_FIRST, record_property)
-    figures = stops(operator)
+    figures = newest_figures(operator)
     say(json.dumps(figures))
     itself = figures["slowest itself"]["seconds"]
     record_property("slowest STOP [s]", figures["slowest"]["seconds"])
@@ -280,7 +306,7 @@ def watch(
             fleet.sample()
             inputs = sum(counts(logs).values())
             say(f"{told - began:.0f} s: {inputs} inputs, waypoints {fleet.reached}")
-            say(f"  {_stop_figures(stops(operator))}; load {os.getloadavg()[0]:.1f}")
+            say(f"  {_stop_figures(newest_figures(operator))}; load {os.getloadavg()[0]:.1f}")
         return time.monotonic() >= end
 
     wait_until(turn, "the end of the time", seconds + 60)

@@ -18,6 +18,7 @@ import time
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from figures import tell
 from websockets.sync.client import ClientConnection, connect
 
 EVERY = 1.0
@@ -104,7 +105,7 @@ def main() -> None:
                 "slowest": slowest,
                 "slowest itself": itself,
             }
-            print(json.dumps(figures), flush=True)
+            tell(figures)
             _read(live, EVERY, end)
 
 

@@ -18,6 +18,7 @@ from collections import Counter, deque
 from urllib.parse import urlsplit
 
 import hostile
+from figures import tell
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 
@@ -191,7 +192,7 @@ def main() -> None:
         counts[name] += 1
         if time.monotonic() - told > 1.0:
             told = time.monotonic()
-            print(json.dumps(counts), flush=True)
+            tell(counts)
 
 
 main()

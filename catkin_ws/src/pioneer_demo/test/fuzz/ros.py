@@ -5,7 +5,6 @@ Run it as ``ros.py SEED RATE ROBOT…``; each second it writes a line of JSON wi
 
 import contextlib
 import io
-import json
 import random
 import sys
 import time
@@ -20,6 +19,7 @@ import roslib.message
 import rospy
 import rosservice
 from dynamic_reconfigure.srv import Reconfigure
+from figures import tell
 
 FOREIGN = ("robot_state_publisher", "roslaunch")
 """Words in the names of nodes that are not part of this project."""
@@ -229,7 +229,7 @@ def main() -> None:
         fuzzer.turn()
         if time.monotonic() - told > 1.0:
             told = time.monotonic()
-            print(json.dumps(fuzzer.counts), flush=True)
+            tell(fuzzer.counts)
         with contextlib.suppress(rospy.ROSInterruptException):
             pace.sleep()
 

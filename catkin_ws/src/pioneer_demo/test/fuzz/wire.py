@@ -5,7 +5,6 @@ target.
 """
 
 import contextlib
-import json
 import random
 import signal
 import socket
@@ -15,6 +14,7 @@ import time
 from collections import Counter, deque
 
 import hostile
+from figures import tell
 
 from rocon_hub_protocol.password import password_from
 from rocon_hub_protocol.redis_client import NotOurHubError, prove
@@ -66,7 +66,7 @@ def main() -> None:
             kept.popleft().close()
         if time.monotonic() - told > 1.0:
             told = time.monotonic()
-            print(json.dumps(counts), flush=True)
+            tell(counts)
 
 
 main()
