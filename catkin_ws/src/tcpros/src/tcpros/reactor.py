@@ -148,8 +148,11 @@ class Reactor:
         return max(0.0, self._timers[0][0] - time.monotonic()) if self._timers else -1.0
 
     def _run_timers(self) -> None:
+        now = time.monotonic()
+        if not self._timers or self._timers[0][0] > now:
+            return
         # Only those due now: a callback that schedules itself without delay must not keep the sockets waiting.
-        now, due = time.monotonic(), list[Timer]()
+        due: list[Timer] = []
         while self._timers and self._timers[0][0] <= now:
             due.append(heapq.heappop(self._timers)[2])
         for timer in due:

@@ -324,7 +324,10 @@ class Stream(Outlet):
 
     def _parse_all(self, data: memoryview) -> None:
         try:
-            while data and not self.is_closed and (done := self._consume(data)):
+            while data and not self.is_closed:
+                done = self.parse(data) if self._collected is None else self._gather(data)
+                if not done:
+                    break
                 data = data[done:]
         except TcprosError as error:
             self.close(f"malformed: {error}")
@@ -335,10 +338,10 @@ class Stream(Outlet):
         else:
             self._kept = bytes(data)
 
-    def _consume(self, data: memoryview) -> int:
+    def _gather(self, data: memoryview) -> int:
+        """Takes what belongs to the data that is collected; returns how much that was."""
         collected = self._collected
-        if collected is None:
-            return self.parse(data)
+        assert collected is not None
         part = data[: collected.size - len(collected.data)]
         collected.data.extend(part)
         if len(collected.data) == collected.size:
