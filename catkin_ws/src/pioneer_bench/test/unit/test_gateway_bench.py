@@ -1,9 +1,12 @@
 """Goals and result table of the gateway bench."""
 
+import contextlib
 import json
+from pathlib import Path
 
 import pytest
 
+from pioneer_bench.adapters.fleet import Fleet
 from pioneer_bench.core.gateway import (
     Flow,
     brisk_rows,
@@ -56,3 +59,14 @@ def test_a_row_says_median_range_and_goal() -> None:
     row = Row("call", "s", (0.1, 0.2, 0.4), 0.3, remark="peer")
     assert table([row]).splitlines()[2].replace(" ", "") == "|call|0.2|0.1…0.4|s|≤0.3(peer)|yes|"
     assert json.loads(json.dumps(row.as_dict()))["median"] == 0.2
+
+
+def test_a_fleet_does_not_read_what_another_one_in_the_same_folder_has_printed(
+    tmp_path: Path,
+) -> None:
+    """The rows of the hub with a password repeated those of the hub without one, which had logs of the same names."""
+    for _ in range(2):
+        with contextlib.closing(Fleet(tmp_path)) as fleet:
+            process = fleet.base.run("crowd", ["echo", "ready"])
+            process.end()
+            assert process.lines() in ([], ["ready"])

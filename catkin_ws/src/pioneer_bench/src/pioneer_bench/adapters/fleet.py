@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -149,12 +150,12 @@ class Fleet:
     """The hub and two sites, `base` and `robot`.
 
     Args:
-        folder: for the logs.
+        folder: for the logs; each fleet has a folder of its own in it.
         variables: environment variables that all its processes get in addition to this one's.
     """
 
     def __init__(self, folder: Path, **variables: str) -> None:
-        self._folder = folder
+        self._folder = Path(tempfile.mkdtemp(prefix="fleet-", dir=folder))
         self._variables = variables
         self._group = ProcessGroup()
         self._ports = PortReservation()
