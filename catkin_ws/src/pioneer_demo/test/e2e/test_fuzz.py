@@ -267,7 +267,9 @@ def test_a_fleet_keeps_reaching_waypoints_under_hostile_input(
     say(f"the fleet drives; {minutes:g} minutes of hostile input, seed {seed}")
     with ProcessGroup() as group:
         operator = start_operator(group, fleet, tmp_path)
-        wait_until(lambda: group.check() or newest_figures(operator), "the operator's first STOP", 60)
+        wait_until(
+            lambda: group.check() or newest_figures(operator), "the operator's first STOP", 60
+        )
         logs = start_fuzzers(group, fleet, tmp_path, seed)
         watch(fleet, group, logs, operator, 60 * minutes)
     met = counts(logs)

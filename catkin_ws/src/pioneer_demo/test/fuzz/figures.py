@@ -9,8 +9,8 @@ from typing import Any
 def tell(figures: Mapping[str, Any]) -> None:
     """Writes figures as one line, at once.
 
-    One call of ``write``: ``print`` makes two where Python's output is unbuffered, one for the line and one for its end,
-    and what another thread logs to the same file came in between.
+    One call of ``write``: where Python's output is unbuffered, ``print`` makes two, one for the line and one for its
+    end, and what another thread logs to the same file came in between.
     """
     sys.stdout.write(json.dumps(figures) + "\n")
     sys.stdout.flush()

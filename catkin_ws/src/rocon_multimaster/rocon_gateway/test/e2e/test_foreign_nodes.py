@@ -90,7 +90,7 @@ def test_a_robot_whose_clock_is_ahead_keeps_its_rules_and_the_doctor_says_so(fle
 
 
 IPV6_LOOPBACK = f"{1:032x} "
-"""::1, as Linux lists it: containers have none unless Docker is told so, though their kernel has IPv6."""
+"""::1, as Linux lists it. Docker gives containers none by default, though their kernel has IPv6."""
 
 
 def test_a_node_with_an_ipv6_address_only_has_a_rule_that_says_why(fleet, pair) -> None:
