@@ -384,7 +384,7 @@ class Coordinator:
             PlanId(number, self._own.robot),
             occupied.ways,
         )
-        self._neighbours.foresight.learn(plan)
+        self._neighbours.foresight.learn(plan, now)
         self._own = replace(self._own, plan=plan)
 
     def _is_overtaken(self, reports: Sequence[Report], now: float) -> bool:

@@ -7,7 +7,7 @@ No ROS, no clock.
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 from pioneer_traffic.config import CoordinatorConfig
 from pioneer_traffic.report import Plan, PlanId, Report
@@ -31,17 +31,23 @@ class Foresight:
         self._roadmap = roadmap
         self._config = config
         self._plans: dict[PlanId, Plan] = {}
+        #: by plan, the time at which its author had made another one [s]: nobody can learn of the plan after that
+        self._replaced_at: dict[PlanId, float] = {}
         #: by plan that this robot has adopted, the last place reached on its path
         self._own_reached: dict[PlanId, int] = {}
 
-    def learn(self, plan: Plan | None) -> None:
+    def learn(self, plan: Plan | None, now: float) -> None:
         """Stores a plan that a robot has made."""
         if plan is None or plan.id in self._plans:
             return
+        for other in self._plans:
+            if other.author == plan.id.author:
+                self._replaced_at.setdefault(other, now)
         self._plans[plan.id] = plan
         if len(self._plans) > _KEPT:
             oldest = min(self._plans)
             del self._plans[oldest]
+            self._replaced_at.pop(oldest, None)
             self._own_reached.pop(oldest, None)
 
     def note_own(self, report: Report) -> None:
@@ -49,14 +55,25 @@ class Foresight:
         if report.adopted in self._plans:
             self._own_reached[report.adopted] = report.reached
 
-    def may_hold(self, report: Report) -> set[int]:
-        """Returns the places that a robot may hold by now: of its report, and what it may have taken since."""
+    def may_hold(self, report: Report, heard_at: float) -> set[int]:
+        """Returns the places that a robot may hold by now: of its report, and what it may have taken since.
+
+        Args:
+            report: its newest one.
+            heard_at: when that arrived [s].
+        """
         places = set(report.held)
         for plan in self._plans.values():
-            # A robot takes no further place by a plan once it knows a newer one.
-            if report.robot in plan.paths and plan.id >= report.ready:
+            if report.robot in plan.paths and self._may_follow(report, heard_at, plan.id):
                 places.update(self._ahead(report, plan))
         return places
+
+    def _may_follow(self, report: Report, heard_at: float, plan: PlanId) -> bool:
+        """Returns whether a robot may follow a plan by now: it takes no place by one if it knows a newer one."""
+        if plan <= report.ready:
+            return plan == report.ready
+        # It did not know the plan. Its author sends the plan until it makes another one.
+        return self._replaced_at.get(plan, math.inf) > heard_at - self._config.lease
 
     def _ahead(self, report: Report, plan: Plan) -> Iterator[int]:
         """Yields the places that a robot may have taken by a plan since its report."""
@@ -100,7 +117,3 @@ class Foresight:
                 return step - 1
             before = place
         return len(path) - 1
-
-    def all_held(self, reports: Iterable[Report]) -> set[int]:
-        """Returns the places that any of these robots may hold by now."""
-        return {place for report in reports for place in self.may_hold(report)}

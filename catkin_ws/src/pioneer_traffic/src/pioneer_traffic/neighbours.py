@@ -63,7 +63,7 @@ class Neighbours:
         if report.roadmap != self._signature:
             # Its numbers of places and plans mean something else here.
             report = replace(report, held=(), plan=None, adopted=PlanId(), ready=PlanId())
-        self.foresight.learn(report.plan)
+        self.foresight.learn(report.plan, now)
         self.reports[report.robot] = report
         self._heard_at[report.robot] = now
 
@@ -107,7 +107,7 @@ class Neighbours:
         outsiders = [report for name, report in self.reports.items() if name not in partners]
         points = [*obstacles, *(self.standing_at(report) for report in outsiders)]
         ways: set[Way] = set()
-        places = self.foresight.all_held(outsiders)
+        places = self._all_held(outsiders)
         for point in points:
             around = self._occupied.get(point) or self._occupied_around(point)
             places |= around.places
@@ -145,7 +145,14 @@ class Neighbours:
     def held_outside(self, plan: Plan, fresh: dict[str, Report]) -> set[int]:
         """Returns the places that robots outside a plan may hold, of those that are not lost."""
         outsiders = [report for report in fresh.values() if report.robot not in plan.paths]
-        return self.foresight.all_held(outsiders)
+        return self._all_held(outsiders)
+
+    def _all_held(self, reports: Iterable[Report]) -> set[int]:
+        """Returns the places that any of these robots may hold by now."""
+        held: set[int] = set()
+        for report in reports:
+            held |= self.foresight.may_hold(report, self._heard_at[report.robot])
+        return held
 
     def strays(self) -> list[Point]:
         """Returns the positions of robots that are away from what they hold, or that hold nothing."""
