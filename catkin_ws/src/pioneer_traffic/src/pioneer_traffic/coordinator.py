@@ -3,7 +3,8 @@
 Of the robots that hear one another, the one with the lowest name makes the plans. A robot that reports itself ready
 for a plan takes no further place under an older one. The plan takes effect once all its robots are ready. Under a
 plan a robot takes the next places of its path once the robots that pass before it have left them. So no two robots
-ever hold the same place, however late reports arrive.
+in a plan ever hold the same place, however late reports arrive. Places that a robot outside the plan may have taken
+since its last report count as held (``foresight``).
 
 What a robot holds and where it is both count: a robot that is away from what it holds, or that holds nothing, is an
 obstacle at its position, and a robot that finds itself elsewhere gives up what it held.
