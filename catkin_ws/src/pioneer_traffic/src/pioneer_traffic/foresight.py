@@ -50,6 +50,10 @@ class Foresight:
             self._replaced_at.pop(oldest, None)
             self._own_reached.pop(oldest, None)
 
+    def restart_clock(self) -> None:
+        """Counts what happened before the clock jumped back as long ago."""
+        self._replaced_at = dict.fromkeys(self._replaced_at, -math.inf)
+
     def note_own(self, report: Report) -> None:
         """Stores how far this robot has come by the plan that it follows."""
         if report.adopted in self._plans:

@@ -79,6 +79,7 @@ class Neighbours:
     def restart_clock(self) -> None:
         """Counts all robots as lost, because the clock jumped back; they have to be heard again."""
         self._heard_at = dict.fromkeys(self._heard_at, -math.inf)
+        self.foresight.restart_clock()
 
     def forget_removed(self, now: float) -> None:
         """Forgets the robots that have been silent for so long that they may have been removed."""

@@ -72,3 +72,12 @@ def test_of_a_robot_that_was_started_again_plans_of_before_do_not_count() -> Non
     ahead.learn(plan(2, path=(19, 18)), 1.0)
     ahead.learn(Plan(PlanId(3, "own"), {"own": (0,)}, {"own": (0,)}), 2.0)
     assert ahead.may_hold(report(0, 0), 60.0) == {0}
+
+
+def test_plans_replaced_before_the_clock_jumped_back_do_not_count_for_ever() -> None:
+    """Their times lay ahead of the new clock."""
+    ahead = foresight()
+    ahead.learn(plan(1), 1000.0)
+    ahead.learn(Plan(PlanId(2, "own"), {"own": (0,)}, {"own": (0,)}), 1001.0)
+    ahead.restart_clock()
+    assert ahead.may_hold(report(0, 0), 3.0) == {0}
