@@ -276,7 +276,7 @@ class BulletEngine:
         states = pybullet.getJointStates(
             handle, self._links(handle, parts), physicsClientId=self._client
         )
-        return [(state[0], state[1]) for state in states]
+        return [state[:2] for state in states]  # position and speed
 
     def efforts(self, handle: int, parts: Sequence[int]) -> list[float]:
         states = pybullet.getJointStates(

@@ -1,6 +1,6 @@
 """The scene for lasers: sections of the static world by height, outlines of moving bodies, and poses at one tick."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,12 @@ LAYER = 0.02
 SECTIONS_AT_MOST = 16
 
 
-Seen = tuple[Body, float]
-"""A body seen by lasers, and the height [m] of its base frame."""
+Seen = tuple[Body, Pose]
+"""The outline of a body seen by lasers, and the pose of its base frame."""
+
+
+Heights = tuple[int, ...]
+"""The height of each body's base frame, in layers."""
 
 
 class Scene:
@@ -31,8 +35,10 @@ class Scene:
         self._triangles = triangles
         self._standing: Sequence[PlacedCollision] = ()
         self._walls: dict[int, WallIndex] = {}
-        self._movers: dict[int, tuple[tuple[tuple[int, int], ...], Movers]] = {}
+        self._movers: dict[int, tuple[Heights, Movers]] = {}
         self._outlines: dict[tuple[int, int], NDArray[np.float64]] = {}
+        self._bodies: Sequence[Body] = ()
+        self._heights: Heights = ()
         self._poses: NDArray[np.float64] = np.empty((0, 3))
         self.tick = -1  #: the tick of the poses; -1 if they are out of date
         self.swinging: list[Swinging] = []  #: parts of all models that lasers see separately
@@ -55,24 +61,33 @@ class Scene:
             )
         return found
 
-    def _movers_at(self, layer: int, seen: Sequence[Seen]) -> Movers:
+    def _movers_at(self, layer: int) -> Movers:
         """Returns the outlines in a layer of all bodies, each in its base frame, with joints at 0 and a level base."""
-        keys = tuple((id(body), layer - round(base / LAYER)) for body, base in seen)
         known = self._movers.get(layer)
-        if known is not None and known[0] == keys:
+        if known is not None and known[0] == self._heights:
             return known[1]
-        for (body, _), key in zip(seen, keys, strict=True):
-            if key not in self._outlines:
-                self._outlines[key] = outline_of(body, key[1] * LAYER, self._triangles)
-        movers = Movers([self._outlines[key] for key in keys])
+        movers = Movers(
+            [
+                self._outline(body, layer - height)
+                for body, height in zip(self._bodies, self._heights, strict=True)
+            ]
+        )
         if len(self._movers) >= SECTIONS_AT_MOST:
             self._movers.clear()
-        self._movers[layer] = keys, movers
+        self._movers[layer] = self._heights, movers
         return movers
+
+    def _outline(self, body: Body, layer: int) -> NDArray[np.float64]:
+        """Returns a body's outline in a layer above its base frame."""
+        key = (id(body), layer)
+        if key not in self._outlines:
+            self._outlines[key] = outline_of(body, layer * LAYER, self._triangles)
+        return self._outlines[key]
 
     def add(self, entity: Entity) -> None:
         """Makes an entity visible to all lasers."""
         self.swinging += swinging_parts(entity)
+        self._movers.clear()
         self.outdate()
 
     def remove(self, entity: Entity) -> None:
@@ -92,25 +107,25 @@ class Scene:
         """Discards the poses after something was moved externally."""
         self.tick = -1
 
-    def update(self, tick: int, poses: Iterable[Pose]) -> None:
-        """Sets the poses at a tick: of all entities, then of all swinging parts."""
-        rows = [(*pose.position[:2], heading(pose.rotation)) for pose in poses]
-        self.tick, self._poses = tick, np.array(rows).reshape(-1, 3)
+    def update(self, tick: int, seen: Sequence[Seen]) -> None:
+        """Sets where all bodies are at a tick: all entities, then all swinging parts."""
+        rows = [(*pose.position[:2], heading(pose.rotation)) for _, pose in seen]
+        self.tick = tick
+        self._bodies = [body for body, _ in seen]
+        self._heights = tuple(round(pose.position[2] / LAYER) for _, pose in seen)
+        self._poses = np.array(rows).reshape(-1, 3)
 
-    def distances(
-        self, sensor: Pose, mounted: Mounted, own: int, seen: Sequence[Seen]
-    ) -> NDArray[np.float64]:
+    def distances(self, sensor: Pose, mounted: Mounted, own: int) -> NDArray[np.float64]:
         """Returns a scan's true distances [m]; the array is overwritten by the laser's next scan.
 
         Args:
             sensor: pose in the world.
             mounted: the ray sensor.
             own: row of the entity that carries it.
-            seen: outline and height [m] of each row.
         """
         x, y, height = sensor.position
         layer = round(height / LAYER)
-        around = (self._walls_at(layer), self._movers_at(layer, seen), self._poses)
+        around = (self._walls_at(layer), self._movers_at(layer), self._poses)
         return mounted.laser.distances(*around, own, Sensor(x, y, heading(sensor.rotation)))
 
 

@@ -37,7 +37,7 @@ from pioneer_gazebo.simulation.motion import (
     interpolated,
     part_motion,
 )
-from pioneer_gazebo.simulation.scene import Scene
+from pioneer_gazebo.simulation.scene import Scene, Seen
 from pioneer_gazebo.simulation.schedule import TICK_RATE, period_of
 from pioneer_gazebo.simulation.spot import added
 from pioneer_gazebo.simulation.standing import Standing
@@ -473,15 +473,17 @@ class Simulation:
     def _distances(self, entity: Entity, mounted: Mounted) -> NDArray[np.float64]:
         """Returns the true distance along each beam [m]."""
         base = self.part_pose(entity, mounted.part)
-        swinging = [(one, self.part_pose(one.entity, one.part)) for one in self._scene.swinging]
-        seen = [
-            (other.outline, self._settled(other).position[2]) for other in self._entities.values()
-        ]
-        seen += [(one.outline, pose.position[2]) for one, pose in swinging]
         if self._scene.tick != self.tick:
-            poses = [self.pose(other) for other in self._entities.values()]
-            self._scene.update(self.tick, [*poses, *(pose for _, pose in swinging)])
-        return self._scene.distances(base.compose(mounted.pose), mounted, entity.number, seen)
+            self._scene.update(self.tick, self._seen())
+        return self._scene.distances(base.compose(mounted.pose), mounted, entity.number)
+
+    def _seen(self) -> list[Seen]:
+        """Returns the outline and the pose of all that lasers see: of the entities, then of swinging parts."""
+        seen = [(other.outline, self.pose(other)) for other in self._entities.values()]
+        swinging = [
+            (one.outline, self.part_pose(one.entity, one.part)) for one in self._scene.swinging
+        ]
+        return seen + swinging
 
     def distance(self, entity: Entity, mounted: Mounted) -> float:
         """Returns a sonar's reading [m]: the distance to the nearest hit in its cone, within its limits."""
