@@ -107,13 +107,30 @@ class Laser:
         poses: NDArray[np.float64],
         own: int,
         sensor: Sensor,
+        upside_down: bool = False,
     ) -> NDArray[np.float64]:
-        """Returns the true distances [m] of a scan from ``sensor``; the array is overwritten by the next scan."""
+        """Returns the true distances [m] of a level scan; the array is overwritten by the next scan.
+
+        Args:
+            walls: the static world at the sensor's height.
+            movers: the outlines of moving bodies at that height.
+            poses: of the movers, as for `Movers.shorten`.
+            own: row of the mover that carries the sensor.
+            sensor: where it is, and where its x axis points.
+            upside_down: whether its axis points down, so that its angles count clockwise in the world.
+        """
         out = self._distances
-        fan = Fan(self.first, self.increment, self.config.max_range)
+        turn = -1.0 if upside_down else 1.0
+        fan = Fan(turn * self.first, turn * self.increment, self.config.max_range)
         walls.cast(sensor, fan, out)
         movers.shorten(poses, own, sensor, fan, out)
         return out
+
+    def distances_to(self, section: Section) -> NDArray[np.float64]:
+        """Returns the true distances [m] of a scan to what is in the sensor's frame; overwritten by the next scan."""
+        fan = Fan(self.first, self.increment, self.config.max_range)
+        WallIndex(section).cast(Sensor(0.0, 0.0, 0.0), fan, self._distances)
+        return self._distances
 
     def measured(self, out: NDArray[np.float64], tick: int) -> NDArray[np.float64]:
         """Converts true distances to the ranges read at ``tick`` in place: noise, limits."""

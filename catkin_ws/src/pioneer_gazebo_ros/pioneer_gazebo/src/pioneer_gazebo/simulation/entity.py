@@ -11,7 +11,7 @@ from pioneer_gazebo.physics.engine import STILL, Engine, JointReading, Velocity
 from pioneer_gazebo.simulation.command import CommandQueue, Moment
 from pioneer_gazebo.simulation.drive import Drive, Odometry, check_motion
 from pioneer_gazebo.world.model import Script
-from pioneer_gazebo.world.pose import IDENTITY, Pose, Quaternion, heading
+from pioneer_gazebo.world.pose import IDENTITY, Pose, Quaternion, heading, rotated
 from pioneer_gazebo.world.robot import (
     BaseDriver,
     Device,
@@ -112,6 +112,12 @@ class Mounted:
     laser: Laser  #: casts the beams
     part: int  #: index of the body's part that carries it
     pose: Pose  #: pose in that part
+
+    @property
+    def upright(self) -> float:
+        """The z component of its axis in that part's frame."""
+        _, _, z = rotated(self.pose.rotation, (0.0, 0.0, 1.0))
+        return z
 
 
 @dataclass(slots=True)

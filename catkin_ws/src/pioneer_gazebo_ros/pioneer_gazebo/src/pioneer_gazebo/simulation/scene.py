@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pioneer_gazebo.body.body import Body
 from pioneer_gazebo.laser.laser import Movers, WallIndex
 from pioneer_gazebo.laser.laser_kernel import Sensor
+from pioneer_gazebo.simulation.beam_plane import LEVEL, BeamPlane
 from pioneer_gazebo.simulation.entity import Entity, Mounted, Swinging, swinging_parts
 from pioneer_gazebo.world.model import PlacedCollision
 from pioneer_gazebo.world.pose import Pose, heading
@@ -33,19 +34,23 @@ class Scene:
     def __init__(self, triangles: Triangles) -> None:
         """Takes the function that reads meshes."""
         self._triangles = triangles
-        self._standing: Sequence[PlacedCollision] = ()
+        self._plane = BeamPlane(triangles)
+        self._obstacles: Sequence[PlacedCollision] = ()
+        self._ground: Sequence[PlacedCollision] = ()
         self._walls: dict[int, WallIndex] = {}
         self._movers: dict[int, tuple[Heights, Movers]] = {}
         self._outlines: dict[tuple[int, int], NDArray[np.float64]] = {}
-        self._bodies: Sequence[Body] = ()
+        self._seen: Sequence[Seen] = ()
         self._heights: Heights = ()
         self._poses: NDArray[np.float64] = np.empty((0, 3))
         self.tick = -1  #: the tick of the poses; -1 if they are out of date
         self.swinging: list[Swinging] = []  #: parts of all models that lasers see separately
 
-    def set_standing(self, standing: Sequence[PlacedCollision]) -> None:
-        """Replaces the static world."""
-        self._standing = standing
+    def set_standing(
+        self, ground: Sequence[PlacedCollision], obstacles: Sequence[PlacedCollision]
+    ) -> None:
+        """Replaces the static world; a level laser does not see the ground."""
+        self._ground, self._obstacles = ground, obstacles
         self._walls.clear()
 
     def _walls_at(self, layer: int) -> WallIndex:
@@ -56,7 +61,7 @@ class Scene:
             found = self._walls[layer] = WallIndex(
                 Section.joined(
                     section_of(one.collision.shape, one.pose, layer * LAYER, self._triangles)
-                    for one in self._standing
+                    for one in self._obstacles
                 )
             )
         return found
@@ -69,7 +74,7 @@ class Scene:
         movers = Movers(
             [
                 self._outline(body, layer - height)
-                for body, height in zip(self._bodies, self._heights, strict=True)
+                for (body, _), height in zip(self._seen, self._heights, strict=True)
             ]
         )
         if len(self._movers) >= SECTIONS_AT_MOST:
@@ -111,22 +116,34 @@ class Scene:
         """Sets where all bodies are at a tick: all entities, then all swinging parts."""
         rows = [(*pose.position[:2], heading(pose.rotation)) for _, pose in seen]
         self.tick = tick
-        self._bodies = [body for body, _ in seen]
+        self._seen = seen
         self._heights = tuple(round(pose.position[2] / LAYER) for _, pose in seen)
         self._poses = np.array(rows).reshape(-1, 3)
 
-    def distances(self, sensor: Pose, mounted: Mounted, own: int) -> NDArray[np.float64]:
+    def distances(
+        self, sensor: Pose, mounted: Mounted, own: int, upright: float
+    ) -> NDArray[np.float64]:
         """Returns a scan's true distances [m]; the array is overwritten by the laser's next scan.
 
         Args:
             sensor: pose in the world.
             mounted: the ray sensor.
             own: row of the entity that carries it.
+            upright: z component of the sensor's axis in the robot's base frame: 1 for level, -1 for upside down.
         """
+        if abs(upright) < LEVEL:
+            return mounted.laser.distances_to(self._cut(sensor, mounted, own))
         x, y, height = sensor.position
         layer = round(height / LAYER)
         around = (self._walls_at(layer), self._movers_at(layer), self._poses)
-        return mounted.laser.distances(*around, own, Sensor(x, y, heading(sensor.rotation)))
+        planar = Sensor(x, y, heading(sensor.rotation))
+        return mounted.laser.distances(*around, own, planar, upside_down=upright < 0.0)
+
+    def _cut(self, sensor: Pose, mounted: Mounted, own: int) -> Section:
+        """Returns what the plane of a sensor's beams cuts, in the sensor's frame."""
+        others = [one for row, one in enumerate(self._seen) if row != own]
+        standing = [*self._ground, *self._obstacles]
+        return self._plane.section(sensor, mounted.laser.config.max_range, standing, others)
 
 
 def outline_of(body: Body, height: float, triangles: Triangles) -> NDArray[np.float64]:

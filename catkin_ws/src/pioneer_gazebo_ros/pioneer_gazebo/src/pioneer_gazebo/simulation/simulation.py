@@ -472,10 +472,21 @@ class Simulation:
 
     def _distances(self, entity: Entity, mounted: Mounted) -> NDArray[np.float64]:
         """Returns the true distance along each beam [m]."""
-        base = self.part_pose(entity, mounted.part)
+        sensor = self.part_pose(entity, mounted.part).compose(mounted.pose)
         if self._scene.tick != self.tick:
             self._scene.update(self.tick, self._seen())
-        return self._scene.distances(base.compose(mounted.pose), mounted, entity.number)
+        upright = self._upright(entity, mounted, sensor)
+        return self._scene.distances(sensor, mounted, entity.number, upright)
+
+    def _upright(self, entity: Entity, mounted: Mounted, sensor: Pose) -> float:
+        """Returns the z component of a ray sensor's axis in the robot's base frame, at the joints' positions."""
+        if mounted.part == 0:
+            return mounted.upright
+        up, axis = (
+            rotated(rotation, (0.0, 0.0, 1.0))
+            for rotation in (self.pose(entity).rotation, sensor.rotation)
+        )
+        return sum(a * b for a, b in zip(up, axis, strict=True))
 
     def _seen(self) -> list[Seen]:
         """Returns the outline and the pose of all that lasers see: of the entities, then of swinging parts."""

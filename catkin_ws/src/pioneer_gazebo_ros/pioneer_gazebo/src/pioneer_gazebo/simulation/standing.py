@@ -46,7 +46,7 @@ class Standing:
             )
             (ground if is_ground else obstacles).append(one)
         self._engine.set_standing(ground, obstacles)
-        self._scene.set_standing(obstacles)
+        self._scene.set_standing(ground, obstacles)
         self.models, self._obstacles = models, obstacles
 
     def add(self, *models: Model) -> None:
