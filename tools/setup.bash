@@ -198,9 +198,9 @@ packages_of() {
   awk -v "names= $* " '/^## /{on = index(names, " "$2" ")} on && /^[a-z]/' "$root/apt-packages.txt"
 }
 
-# requirements_of SECTION...: prints the requirements in these sections of requirements.txt.
+# requirements_of SECTION...: prints the requirements in these sections of requirements.txt, each once.
 requirements_of() {
-  awk -v "names= $* " '/^## /{on = index(names, " "$2" ")} on && /^[A-Za-z]/' "$root/requirements.txt"
+  awk -v "names= $* " '/^## /{on = index(names, " "$2" ")} on && /^[A-Za-z]/ && !printed[$0]++' "$root/requirements.txt"
 }
 
 # download_size PACKAGE...: prints what apt would fetch for these packages, such as "61 MB"; nothing if apt cannot tell.

@@ -1,10 +1,12 @@
 """Recordings: messages of several masters are written to one file and replayed unchanged."""
 
+import contextlib
 import os
 import signal
 import subprocess
 import sys
 import xmlrpc.client
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -63,13 +65,14 @@ def test_two_masters_are_recorded_under_their_names_and_replayed_as_one(
     assert_replayed(path, environment)
 
 
-def receives(master: Master, name: str) -> bool:
-    """Returns whether the talker of a master sends to the node ``name``."""
+def receives(master: Master, name: str, talker_name: str = "/talker") -> bool:
+    """Returns whether the talker of a master sends to a node whose name begins with ``name``."""
     try:
-        uri = Client(master.uri, "/test").ask_master("lookupNode", "/talker")
+        uri = Client(master.uri, "/test").ask_master("lookupNode", talker_name)
         with xmlrpc.client.ServerProxy(uri) as talker:
             return any(
-                row[1] == name and row[4] == "/words" for row in talker.getBusInfo("/test")[2]
+                row[1].startswith(name) and row[4] == "/words"
+                for row in talker.getBusInfo("/test")[2]
             )
     except (OSError, TcprosError):
         return False
@@ -113,6 +116,136 @@ def assert_replayed(path: Path, environment: dict[str, str]) -> None:
     replay.stdout.close()
 
 
+SENDER = """
+import sys, rospy
+from std_msgs.msg import String
+rospy.init_node(sys.argv[1], disable_signals=True)
+publisher = rospy.Publisher("words", String, queue_size=100, latch=True)
+publisher.publish(sys.argv[1])
+rospy.spin()
+"""
+
+
+@pytest.mark.parametrize("suffix", ["mcap", "bag"])
+def test_a_late_subscriber_of_a_replay_gets_what_each_sender_has_latched(
+    tmp_path: Path, suffix: str
+) -> None:
+    """As /tf_static, on which each robot's node latches the robot's own transforms."""
+    path = tmp_path / f"run.{suffix}"
+    names = ("one", "two", "three")
+    with Master() as master, ProcessGroup() as group:
+        for name in names:
+            group.start(name, [sys.executable, "-c", SENDER, name], master.environment)
+        wait_until(lambda: publishers(master, "/words") == set(names), "the senders", START)
+        environment = with_path(master)
+        words = module("pioneer_fleet.recording.recorder", path, f"base={master.uri}")
+        recorder = subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True)
+        for name in names:
+            wait_until(
+                lambda n=name: receives(master, "/fleet_recorder", f"/{n}"),  # type: ignore[misc]
+                "the recorder's connections",
+                START,
+            )
+        recorder.send_signal(signal.SIGINT)
+        recorder.communicate(timeout=START)
+    senders = {one.kind.sender for one in messages_of(path) if one.topic == "/base/words"}
+    assert senders == {f"/{name}" for name in names}
+    with replayed(path, environment, "--stay") as replay:
+        uri = uri_of(replay)
+        assert "messages were published" in replay.stdout.readline()
+        with Client(uri, "/late").subscribe("/replay", "/words") as connection:
+            heard = {String().deserialize(connection.read_frame()).data for _ in names}
+    assert heard == set(names)
+
+
+def test_two_recorders_at_once_each_have_all_messages(tmp_path: Path) -> None:
+    """The page's button while --record is on."""
+    paths = [tmp_path / "one.mcap", tmp_path / "two.mcap"]
+    with Master() as master, ProcessGroup() as group:
+        group.start("counter", [sys.executable, "-c", COUNT], master.environment)
+        wait_until(lambda: publishers(master, "/numbers") == {"counter"}, "the sender", START)
+        recorders = [
+            subprocess.Popen(
+                module("pioneer_fleet.recording.recorder", path, f"base={master.uri}"),
+                env=with_path(master),
+                stdout=subprocess.PIPE,
+                text=True,
+            )
+            for path in paths
+        ]
+
+        def listeners() -> int:
+            with xmlrpc.client.ServerProxy(node_uri(master, "/counter")) as counter:
+                rows = counter.getBusInfo("/test")[2]
+            return len({row[1] for row in rows if row[4] == "/numbers"})
+
+        wait_until(lambda: listeners() == len(paths), "both recorders", START)
+        with Client(master.uri, "/test").subscribe("/counter", "/numbers") as connection:
+            first = int(String().deserialize(connection.read_frame()).data)
+            while int(String().deserialize(connection.read_frame()).data) < first + 200:
+                pass
+        for recorder in recorders:
+            recorder.send_signal(signal.SIGINT)
+        told = [recorder.communicate(timeout=START)[0] for recorder in recorders]
+    assert all("0 dropped" in line for line in told)
+    for path in paths:
+        found = [
+            int(String().deserialize(one.data).data)
+            for one in messages_of(path)
+            if one.topic == "/base/numbers"
+        ]
+        assert found == list(range(found[0], found[-1] + 1))
+        assert found[0] <= first
+        assert found[-1] >= first + 200
+
+
+COUNT = """
+import itertools, rospy
+from std_msgs.msg import String
+rospy.init_node("counter", disable_signals=True)
+publisher = rospy.Publisher("numbers", String, queue_size=100)
+rate = rospy.Rate(200)
+for number in itertools.count():
+    publisher.publish(str(number))
+    rate.sleep()
+"""
+
+
+def with_path(master: Master) -> dict[str, str]:
+    """Returns an environment in which a master's programs find our modules."""
+    return {**master.environment, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+
+
+def node_uri(master: Master, name: str) -> str:
+    return str(Client(master.uri, "/test").ask_master("lookupNode", name))
+
+
+def publishers(master: Master, topic: str) -> set[str]:
+    """Returns the names of the nodes that publish a topic, without their first slash."""
+    published, _, _ = Client(master.uri, "/test").ask_master("getSystemState")
+    return {node[1:] for name, nodes in published if name == topic for node in nodes}
+
+
+@contextlib.contextmanager
+def replayed(
+    path: Path, environment: dict[str, str], *options: str
+) -> Iterator[subprocess.Popen[str]]:
+    """Starts a replay and interrupts it at the end."""
+    words = module("pioneer_fleet.recording.replay", path, *options)
+    with subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True) as replay:
+        try:
+            yield replay
+        finally:
+            replay.send_signal(signal.SIGINT)
+            replay.wait(START)
+
+
+def uri_of(replay: subprocess.Popen[str]) -> str:
+    """Returns the address of the replay's master, which is its first line."""
+    assert replay.stdout is not None
+    return replay.stdout.readline().strip().partition("=")[2]
+
+
 def test_a_file_that_is_no_recording_is_named(tmp_path: Path) -> None:
     for name in ("a.mcap", "a.bag"):
         (tmp_path / name).write_bytes(b"nothing")
@@ -120,15 +253,43 @@ def test_a_file_that_is_no_recording_is_named(tmp_path: Path) -> None:
             next(messages_of(tmp_path / name))
 
 
-@pytest.mark.parametrize("suffix", ["mcap", "bag"])
-def test_a_full_disk_is_named_in_one_line(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / f"run.{suffix}"
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """Returns the folder of a file system that is full with 64 KB."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(disk)]
+    if subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("no file system can be mounted here")
+    yield disk
+    subprocess.run(["umount", "--lazy", str(disk)], check=True)
+
+
+def test_a_file_that_takes_no_byte_is_named_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
     path.symlink_to("/dev/full")
+    said = recorded_in_vain(path)
+    assert said.startswith(f"cannot write {path} after ")
+    assert said.endswith("No space left on device\n")
+
+
+@pytest.mark.parametrize("suffix", ["mcap", "bag"])
+def test_a_full_disk_is_named_in_one_line(small_disk: Path, suffix: str) -> None:
+    path = small_disk / f"run.{suffix}"
+    with (small_disk / "filler").open("wb", buffering=0) as filler, contextlib.suppress(OSError):
+        while filler.write(bytes(4096)):
+            pass
+    said = recorded_in_vain(path)
+    assert said.startswith(f"cannot write {path} after ")
+    assert said.endswith("No space left on device\n")
+
+
+def recorded_in_vain(path: Path) -> str:
+    """Returns what a recorder says whose disk is full, which is one line."""
     with Master() as master, ProcessGroup() as group:
         group.start("talker", [sys.executable, "-c", TALK, "x"], master.environment)
-        environment = {**master.environment, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         words = module("pioneer_fleet.recording.recorder", path, f"one={master.uri}")
-        recorder = subprocess.Popen(words, env=environment, stderr=subprocess.PIPE, text=True)
+        recorder = subprocess.Popen(words, env=with_path(master), stderr=subprocess.PIPE, text=True)
         wait_until(
             lambda: recorder.poll() is not None or receives(master, "/fleet_recorder"),
             "the recorder's connection",
@@ -138,8 +299,7 @@ def test_a_full_disk_is_named_in_one_line(tmp_path: Path, suffix: str) -> None:
         _, said = recorder.communicate(timeout=START)
     assert recorder.returncode == 1
     assert said.count("\n") == 1
-    assert said.startswith(f"cannot write {path} after ")
-    assert said.endswith("No space left on device\n")
+    return said
 
 
 def test_a_definition_that_is_not_utf8_is_passed_on_with_one_warning(

@@ -1,10 +1,13 @@
 """Plays recorded messages at their recorded pace."""
 
+import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import rospy
 
+from pioneer_fleet.printable import printable
 from pioneer_fleet.recording.recording import Kind, Message
 from pioneer_node.adapters.end_request import EndRequest
 
@@ -47,32 +50,89 @@ class Replay:
 
     def __init__(self, pace: Pace) -> None:
         self._pace = pace
-        self._publishers: dict[tuple[str, Kind], tuple[rospy.Publisher, type]] = {}
+        self._topics: dict[str, _Topic] = {}
 
     def play(self, messages: Iterable[Message], at: int = 0) -> int:
         """Publishes all messages from time ``at`` [ns] on, by default from the first; returns their number."""
         count = 0
-        if at:
+        began = bool(at)
+        if began:
             self._pace.begin(at)
         for message in messages:
-            if not count and not at:
+            if not began:
                 self._pace.begin(message.time)
+                began = True
             if not self._pace.waits_for(message.time):
                 break
-            publisher, raw = self._publisher(message)
-            data = raw()
-            data._buff = message.data
-            publisher.publish(data)
-            count += 1
+            count += self._topic_of(message).publish(message)
         return count
 
-    def _publisher(self, message: Message) -> tuple[rospy.Publisher, type]:
-        topic = "/" + message.topic.lstrip("/").partition("/")[2]
-        key = (topic, message.kind)
-        if key not in self._publishers:
-            raw = message.kind.message_class(rospy.AnyMsg)
-            self._publishers[key] = (
-                rospy.Publisher(topic, raw, queue_size=100, latch=message.kind.latching),
-                raw,
+    def _topic_of(self, message: Message) -> "_Topic":
+        name = "/" + message.topic.lstrip("/").partition("/")[2]
+        if name not in self._topics:
+            self._topics[name] = _Topic(name, message.kind)
+        return self._topics[name]
+
+
+class _Topic(rospy.SubscribeListener):
+    """Publishes the messages of all recorded senders of one topic.
+
+    A new subscriber gets the last latched message of each sender, as from the recorded nodes. rospy alone would send
+    the last message of all: of /tf_static, the transforms of one robot.
+    """
+
+    def __init__(self, name: str, kind: Kind) -> None:
+        super().__init__()
+        self._name = name
+        self._type = (kind.type, kind.md5sum)
+        self._class = kind.message_class(rospy.AnyMsg)
+        self._lock = threading.Lock()
+        self._latched: dict[tuple[str, str], Any] = {}
+        self._newest: Any = None
+        self._warned = False
+        self._publisher = rospy.Publisher(
+            name, self._class, self, queue_size=100, latch=kind.latching
+        )
+
+    def publish(self, message: Message) -> bool:
+        """Publishes a message; returns False if it has another type than the topic's first message."""
+        kind = message.kind
+        if (kind.type, kind.md5sum) != self._type:
+            self._warn_of(kind)
+            return False
+        data = self._class()
+        data._buff = message.data
+        with self._lock:
+            self._newest = data
+            if kind.latching:
+                # The newest is the last one in the order of insertion.
+                key = (message.topic, kind.sender)
+                self._latched.pop(key, None)
+                self._latched[key] = data
+                self._publisher.impl.enable_latch()
+            self._publisher.publish(data)
+        return True
+
+    def peer_subscribe(self, _: str, __: object, publish: Callable[[Any], None]) -> None:
+        """Sends a new subscriber what is latched, unless it is only the newest message, which rospy sends."""
+        with self._lock:
+            latched = list(self._latched.values())
+            if not latched or (len(latched) == 1 and latched[0] is self._newest):
+                return
+            # As rospy demands of callers of `publish`: other connections share its buffer.
+            self._publisher.impl.acquire()
+            try:
+                for data in latched:
+                    publish(data)
+            finally:
+                self._publisher.impl.release()
+
+    def _warn_of(self, kind: Kind) -> None:
+        if not self._warned:
+            self._warned = True
+            rospy.logwarn(
+                "%s: messages of type %s are left out, since it was %s before",
+                printable(self._name, ""),
+                printable(kind.type, ""),
+                printable(self._type[0], ""),
             )
-        return self._publishers[key]

@@ -14,13 +14,16 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NoReturn
 
+from rosgraph.names import anonymous_name
+
 from pioneer_fleet.recording.recording import BagFile, Kind, McapFile, Message
 from pioneer_node.adapters.end_request import EndRequest
 from rocon_relay.connection import is_proxy_uri
 from tcpros.client import Client, Connection
 from tcpros.error import TcprosError
 
-NAME = "/fleet_recorder"
+NAME = "fleet_recorder"
+"""Name of the recorder's node, without what tells it from other recorders."""
 _LOOK = 1.0
 """Poll interval for new publishers [s]."""
 _LEFT_OUT = "/rosout_agg"
@@ -90,7 +93,9 @@ class Recorder:
 
     def __init__(self, path: Path, masters: Mapping[str, str]) -> None:
         """``masters`` maps names to master URIs."""
-        self._masters = {name: Client(uri, NAME) for name, uri in masters.items()}
+        # A publisher closes the connection of one subscriber when another one of the same name connects.
+        own_name = "/" + anonymous_name(NAME)
+        self._masters = {name: Client(uri, own_name) for name, uri in masters.items()}
         self._writer: BagFile | McapFile = (
             BagFile(path) if path.suffix == ".bag" else McapFile(path)
         )
@@ -162,6 +167,7 @@ class Recorder:
             md5sum=header["md5sum"],
             definition=header.get("message_definition", ""),
             latching=header.get("latching") == "1",
+            sender=node,
         )
         receiver = _Receiver(
             connection,

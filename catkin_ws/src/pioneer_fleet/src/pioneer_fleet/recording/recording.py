@@ -1,6 +1,7 @@
 """Reads and writes recordings: serialised messages in MCAP files (``.mcap``) or ROS 1 bags (``.bag``)."""
 
 import contextlib
+import errno
 import logging
 import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,12 +15,13 @@ _LOGGER = logging.getLogger("rosout")
 
 
 class Kind(NamedTuple):
-    """A topic's type, from a publisher's connection header."""
+    """What one publisher of a topic sends, from its connection header."""
 
     type: str
     md5sum: str
     definition: str
     latching: bool
+    sender: str = ""  #: name of the publisher's node; empty if the recording does not have it
 
     def message_class(self, *bases: Any) -> Any:
         """Returns a class for its serialised messages."""
@@ -65,6 +67,8 @@ class McapFile:
                     kind.type, _ENCODING, kind.definition.encode()
                 )
             about = {"md5sum": kind.md5sum, "latching": str(int(kind.latching))}
+            if kind.sender:
+                about["callerid"] = kind.sender
             self._channels[topic, kind] = self._mcap.register_channel(
                 topic, "ros1", self._schemas[own], about
             )
@@ -77,29 +81,51 @@ class McapFile:
 
 
 class BagFile:
-    """Writes a ROS 1 bag, which supports one type per topic."""
+    """Writes a ROS 1 bag, compressed by LZ4. rosbag's own writer would note one sender for each topic."""
 
     def __init__(self, path: Path) -> None:
-        import genpy
-        import rosbag
+        import roslz4
+        from rosbags.rosbag1 import Writer
 
-        self._bag, self._time = rosbag.Bag(str(path), "w"), genpy.Time
-        self._types: dict[Kind, Any] = {}
+        _remove_file(path)
+        self._bag = Writer(path)
+        self._bag.set_compression(Writer.CompressionFormat.LZ4)
+        # rosbag reads LZ4 only if its blocks do not refer to one another, as in what roslz4 writes.
+        self._bag.compressor = roslz4.compress
+        self._bag.open()
+        self._connections: dict[tuple[str, Kind], Any] = {}
 
     def add(self, message: Message) -> None:
         """Writes one message."""
-        kind = message.kind
-        known = self._types.setdefault(kind, kind.message_class())
-        header = {"topic": message.topic, "type": kind.type, "md5sum": kind.md5sum}
-        header |= {"message_definition": kind.definition, "latching": str(int(kind.latching))}
-        raw = (kind.type, message.data, kind.md5sum, known)
-        self._bag.write(
-            message.topic, raw, self._time(0, message.time), raw=True, connection_header=header
-        )
+        from rosbags.typesys.msg import normalize_msgtype
+
+        key = (message.topic, message.kind)
+        if key not in self._connections:
+            kind = message.kind
+            self._connections[key] = self._bag.add_connection(
+                message.topic,
+                normalize_msgtype(kind.type),
+                msgdef=kind.definition,
+                md5sum=kind.md5sum,
+                callerid=kind.sender or None,
+                latching=int(kind.latching),
+            )
+        self._bag.write(self._connections[key], message.time, message.data)
 
     def close(self) -> None:
         """Completes the file."""
         self._bag.close()
+
+
+def _remove_file(path: Path) -> None:
+    """Removes the file that a new one replaces; of a link, the file that it names.
+
+    Raises:
+        OSError: it is no regular file.
+    """
+    if path.exists() and not path.is_file():
+        raise FileExistsError(errno.EEXIST, "is no regular file")
+    path.resolve().unlink(missing_ok=True)
 
 
 def messages_of(path: Path) -> Iterator[Message]:
@@ -182,6 +208,7 @@ def _messages(rows: Iterable[tuple[Any, Any, Any]]) -> Iterator[Message]:
                 md5sum=about.get("md5sum", "*"),
                 definition=_definition(schema.data, schema.name, channel.topic),
                 latching=about.get("latching") == "1",
+                sender=about.get("callerid", ""),
             )
         yield Message(channel.topic, kinds[key], message.log_time, message.data)
 
@@ -204,19 +231,22 @@ def _definition(data: bytes, name: str, topic: str) -> str:
 def _of_bag(path: Path) -> Iterator[Message]:
     import rosbag
 
-    kinds: dict[tuple[str, str, bool], Kind] = {}
+    kinds: dict[tuple[str, str, bool, str], Kind] = {}
     try:
         with rosbag.Bag(str(path)) as bag:
             for topic, raw, time, header in bag.read_messages(
                 raw=True, return_connection_header=True
             ):
                 latching = header.get("latching") in (b"1", "1")
-                key = (topic, raw[2], latching)
+                sender = header.get("callerid", "")
+                if isinstance(sender, bytes):
+                    sender = sender.decode(errors="replace")
+                key = (topic, raw[2], latching, sender)
                 if key not in kinds:
                     definition = header.get("message_definition", b"")
                     if isinstance(definition, bytes):
                         definition = _definition(definition, raw[0], topic)
-                    kinds[key] = Kind(raw[0], raw[2], definition, latching)
+                    kinds[key] = Kind(raw[0], raw[2], definition, latching, sender)
                 yield Message(topic, kinds[key], time.to_nsec(), raw[1])
     except (rosbag.ROSBagException, UnicodeDecodeError) as error:
         raise RecordingError(f"{path} is not a complete bag: {error}") from None
