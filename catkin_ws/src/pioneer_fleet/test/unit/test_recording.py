@@ -16,7 +16,8 @@ from mcap_ros1.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import String
 
-from pioneer_fleet.recording.recording import RecordingError, messages_of
+from pioneer_fleet.recording import replay
+from pioneer_fleet.recording.recording import RecordingError, is_complete, messages_of
 from pioneer_harness.masters import Master
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
@@ -101,19 +102,19 @@ def opened_by_others(path: Path) -> set[str]:
 
 def assert_replayed(path: Path, environment: dict[str, str]) -> None:
     """Checks that the words are replayed, without the masters' names in their topics."""
-    replay = subprocess.Popen(
+    running = subprocess.Popen(
         module("pioneer_fleet.recording.replay", path, "--stay"),
         env=environment,
         stdout=subprocess.PIPE,
         text=True,
     )
-    assert replay.stdout is not None
-    uri = replay.stdout.readline().strip().partition("=")[2]
-    assert "messages were published" in replay.stdout.readline()
+    assert running.stdout is not None
+    uri = running.stdout.readline().strip().partition("=")[2]
+    assert "messages were published" in running.stdout.readline()
     assert Client(uri, "/test").latched("/replay", "/words", String).data in ("hello", "world")
-    replay.send_signal(signal.SIGINT)
-    assert replay.wait(START) == 130
-    replay.stdout.close()
+    running.send_signal(signal.SIGINT)
+    assert running.wait(START) == 130
+    running.stdout.close()
 
 
 SENDER = """
@@ -150,9 +151,9 @@ def test_a_late_subscriber_of_a_replay_gets_what_each_sender_has_latched(
         recorder.communicate(timeout=START)
     senders = {one.kind.sender for one in messages_of(path) if one.topic == "/base/words"}
     assert senders == {f"/{name}" for name in names}
-    with replayed(path, environment, "--stay") as replay:
-        uri = uri_of(replay)
-        assert "messages were published" in replay.stdout.readline()
+    with replayed(path, environment, "--stay") as replaying:
+        uri = uri_of(replaying)
+        assert "messages were published" in replaying.stdout.readline()
         with Client(uri, "/late").subscribe("/replay", "/words") as connection:
             heard = {String().deserialize(connection.read_frame()).data for _ in names}
     assert heard == set(names)
@@ -232,18 +233,18 @@ def replayed(
 ) -> Iterator[subprocess.Popen[str]]:
     """Starts a replay and interrupts it at the end."""
     words = module("pioneer_fleet.recording.replay", path, *options)
-    with subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True) as replay:
+    with subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True) as running:
         try:
-            yield replay
+            yield running
         finally:
-            replay.send_signal(signal.SIGINT)
-            replay.wait(START)
+            running.send_signal(signal.SIGINT)
+            running.wait(START)
 
 
-def uri_of(replay: subprocess.Popen[str]) -> str:
-    """Returns the address of the replay's master, which is its first line."""
-    assert replay.stdout is not None
-    return replay.stdout.readline().strip().partition("=")[2]
+def uri_of(running: subprocess.Popen[str]) -> str:
+    """Returns the address of a replay's master, which is its first line."""
+    assert running.stdout is not None
+    return running.stdout.readline().strip().partition("=")[2]
 
 
 def test_a_file_that_is_no_recording_is_named(tmp_path: Path) -> None:
@@ -255,10 +256,20 @@ def test_a_file_that_is_no_recording_is_named(tmp_path: Path) -> None:
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """Returns the folder of a file system that is full with 64 KB."""
-    disk = tmp_path / "disk"
+    """Returns the folder of a file system of 64 KB."""
+    yield from mounted(tmp_path / "disk", "64k")
+
+
+@pytest.fixture
+def large_disk(tmp_path: Path) -> Iterator[Path]:
+    """Returns the folder of a file system of 20 MB."""
+    yield from mounted(tmp_path / "disk", "20m")
+
+
+def mounted(disk: Path, size: str) -> Iterator[Path]:
+    """Mounts a file system in memory."""
     disk.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(disk)]
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(disk)]
     if subprocess.run(mount, capture_output=True).returncode:
         pytest.skip("no file system can be mounted here")
     yield disk
@@ -274,14 +285,72 @@ def test_a_file_that_takes_no_byte_is_named_in_one_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["mcap", "bag"])
-def test_a_full_disk_is_named_in_one_line(small_disk: Path, suffix: str) -> None:
+def test_a_recorder_on_a_full_disk_leaves_the_rest_to_others(small_disk: Path, suffix: str) -> None:
     path = small_disk / f"run.{suffix}"
-    with (small_disk / "filler").open("wb", buffering=0) as filler, contextlib.suppress(OSError):
-        while filler.write(bytes(4096)):
-            pass
     said = recorded_in_vain(path)
-    assert said.startswith(f"cannot write {path} after ")
-    assert said.endswith("No space left on device\n")
+    assert said == f"{path} ends after 0 messages: its disk has less than 16 MB free\n"
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("suffix", ["mcap", "bag"])
+def test_a_recording_is_complete_when_the_disk_gets_full_meanwhile(
+    large_disk: Path, suffix: str
+) -> None:
+    path = large_disk / f"run.{suffix}"
+    with Master() as master, ProcessGroup() as group:
+        group.start("counter", [sys.executable, "-c", COUNT], master.environment)
+        words = module("pioneer_fleet.recording.recorder", path, f"base={master.uri}")
+        with subprocess.Popen(
+            words, env=with_path(master), stderr=subprocess.PIPE, text=True
+        ) as recorder:
+            wait_until(lambda: bool(numbers_in(path)), "some numbers on the disk", START)
+            (large_disk / "filler").write_bytes(bytes(6 * 2**20))
+            _, said = recorder.communicate(timeout=START)
+    assert recorder.returncode == 1
+    assert said.startswith(f"{path} ends after ")
+    assert said.endswith(" messages: its disk has less than 16 MB free\n")
+    assert is_complete(path)
+    found = numbers_in(path)
+    assert found == list(range(found[0], found[-1] + 1))
+
+
+@pytest.mark.parametrize("suffix", ["mcap", "bag"])
+def test_a_killed_recorder_loses_what_came_in_its_last_second(
+    tmp_path: Path, suffix: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / f"run.{suffix}"
+    with Master() as master, ProcessGroup() as group:
+        group.start("counter", [sys.executable, "-c", COUNT], master.environment)
+        words = module("pioneer_fleet.recording.recorder", path, f"base={master.uri}")
+        with subprocess.Popen(words, env=with_path(master), stdout=subprocess.PIPE) as recorder:
+            wait_until(lambda: len(numbers_in(path)) > 100, "some seconds", START)
+            recorder.kill()
+    caplog.clear()
+    found = numbers_in(path)
+    assert len(found) > 100
+    assert found == list(range(found[0], found[-1] + 1))
+    said = [record.getMessage() for record in caplog.records]
+    assert (
+        said[0]
+        == f"{path} is incomplete: what can be read is used (--repair NEW writes it to a new file)"
+    )
+    assert said[1].startswith(f"{path}: it was not completed: what was recorded after ")
+    new = tmp_path / f"new.{'bag' if suffix == 'mcap' else 'mcap'}"
+    assert replay.main([str(path), "--repair", str(new)]) == 0
+    assert is_complete(new)
+    assert numbers_in(new) == found
+
+
+def numbers_in(path: Path) -> list[int]:
+    """Returns the counter's numbers in a recording; none if there is no recording yet."""
+    try:
+        return [
+            int(String().deserialize(one.data).data)
+            for one in messages_of(path)
+            if one.topic == "/base/numbers"
+        ]
+    except (OSError, RecordingError):
+        return []
 
 
 def recorded_in_vain(path: Path) -> str:

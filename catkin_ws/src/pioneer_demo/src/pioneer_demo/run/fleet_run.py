@@ -22,6 +22,7 @@ from pioneer_demo.observer.node import ObserverNode
 from pioneer_demo.observer.recording import Recording
 from pioneer_demo.observer.track import RobotTrack
 from pioneer_demo.processes.command import (
+    RECORDER_COMMAND,
     WATCHERS,
     commands,
     master_uri,
@@ -34,6 +35,7 @@ from pioneer_demo.processes.relapse import Relapses
 from pioneer_demo.report.view import fleet_lines, fleet_status, guide
 from pioneer_demo.scenario.option import OBSERVER, FleetConfig
 from pioneer_fleet.monitor.hang_watch import HangWatch
+from pioneer_fleet.recording.disk import has_room
 from pioneer_fleet.registry import Entry, RegistryError
 from pioneer_harness.error import ProcessDiedError
 from pioneer_harness.masters import is_running
@@ -209,14 +211,24 @@ class FleetRun:
             if name in restarted:
                 continue
             restarted.update(together)
+            if name == RECORDER_COMMAND and not self._has_room_to_record():
+                self._lose(f"the recorder has ended and is not started again: {reason}")
+                continue
             if self._relapses.died(together[0], name, reason, time.monotonic()):
                 text = f"{name} keeps dying and is not started again: {reason}"
                 if name not in WATCHERS:
                     raise ProcessDiedError(text)
-                self._lost.append(text)
-                self.display.say(text)
+                self._lose(text)
             else:
                 self._restart(name, together, reason)
+
+    def _lose(self, text: str) -> None:
+        """Reports that something has ended for good that the robots need not."""
+        self._lost.append(text)
+        self.display.say(text)
+
+    def _has_room_to_record(self) -> bool:
+        return self._config.record is None or has_room(self._config.record.absolute().parent)
 
     def _restart(self, name: str, together: Sequence[str], reason: str) -> None:
         robots = [robot for robot in self._config.names if name in on_computer(self._config, robot)]

@@ -16,7 +16,8 @@ from typing import NoReturn
 
 from rosgraph.names import anonymous_name
 
-from pioneer_fleet.recording.recording import BagFile, Kind, McapFile, Message
+from pioneer_fleet.recording.disk import RESERVE, has_room
+from pioneer_fleet.recording.recording import Kind, Message, RecordingError, writer_of
 from pioneer_node.adapters.end_request import EndRequest
 from rocon_relay.connection import is_proxy_uri
 from tcpros.client import Client, Connection
@@ -30,10 +31,16 @@ _LEFT_OUT = "/rosout_agg"
 """Suffix of topics to skip because they only repeat other topics."""
 _WAITING = 20_000
 """Write queue size [messages]; when it is full, new messages are dropped and counted."""
+_FLUSH = 1.0
+"""Interval at which messages are written to the disk [s]: a recorder that is killed loses at most those of so long."""
 _FIRST = 0.5
 """Longest time at the end to wait for the latched messages that publishers send to a new subscriber [s]."""
 _DRAIN = 2.0
 """Longest time at the end to read messages that have arrived, but have not been read yet [s]."""
+
+
+class FullDiskError(RecordingError):
+    """The disk has no room for more."""
 
 
 class _Receiver:
@@ -96,9 +103,8 @@ class Recorder:
         # A publisher closes the connection of one subscriber when another one of the same name connects.
         own_name = "/" + anonymous_name(NAME)
         self._masters = {name: Client(uri, own_name) for name, uri in masters.items()}
-        self._writer: BagFile | McapFile = (
-            BagFile(path) if path.suffix == ".bag" else McapFile(path)
-        )
+        self._path = path
+        self._writer = writer_of(path)
         self._proxies: set[tuple[str, str]] = set()
         self._waiting: queue.Queue[Message | None] = queue.Queue(_WAITING)
         self._end = threading.Event()
@@ -107,9 +113,28 @@ class Recorder:
         self.written = self.dropped = 0
 
     def run(self) -> None:
-        """Records until `end` is called, then finishes the file."""
+        """Records until `end` is called, then finishes the file.
+
+        Raises:
+            FullDiskError: the disk has got full; the file is finished.
+            OSError: the file cannot be written.
+        """
         self._polling.start()
-        while (message := self._waiting.get()) is not None:
+        flushed = time.monotonic()
+        while True:
+            now = time.monotonic()
+            if now - flushed >= _FLUSH:
+                flushed = now
+                self._writer.flush()
+                if not has_room(self._path.parent):
+                    self._writer.close()
+                    raise FullDiskError
+            try:
+                message = self._waiting.get(timeout=max(0.0, flushed + _FLUSH - now))
+            except queue.Empty:
+                continue
+            if message is None:
+                break
             self._writer.add(message)
             self.written += 1
         self._writer.close()
@@ -190,6 +215,8 @@ class Recorder:
 def main(words: Sequence[str]) -> int:
     """Records until SIGINT or SIGTERM; returns the exit status."""
     path, *masters = words
+    if not has_room(Path(path).parent):
+        _full(path, 0)
     try:
         recorder = Recorder(Path(path), dict(word.split("=", 1) for word in masters))
     except OSError as error:
@@ -204,15 +231,26 @@ def main(words: Sequence[str]) -> int:
     threading.Thread(target=end_when_asked, name="end", daemon=True).start()
     try:
         recorder.run()
+    except FullDiskError:
+        _full(path, recorder.written)
     except OSError as error:
         _failed(path, recorder.written, error)
     sys.stdout.write(f"{path}: {recorder.written} messages, {recorder.dropped} dropped\n")
     return 0
 
 
+def _full(path: str, written: int) -> NoReturn:
+    """Reports a disk without room, and ends the process with status 1."""
+    _fail(f"{path} ends after {written} messages: its disk has less than {RESERVE >> 20} MB free")
+
+
 def _failed(path: str, written: int, error: OSError) -> NoReturn:
     """Reports why the recording ends, such as a full disk, and ends the process with status 1."""
-    sys.stderr.write(f"cannot write {path} after {written} messages: {error.strerror or error}\n")
+    _fail(f"cannot write {path} after {written} messages: {error.strerror or error}")
+
+
+def _fail(line: str) -> NoReturn:
+    sys.stderr.write(f"{line}\n")
     sys.stderr.flush()
     # At once: the file, closed at the interpreter's end, would be written to again.
     os._exit(1)

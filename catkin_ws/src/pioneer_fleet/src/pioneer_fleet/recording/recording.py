@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from pioneer_fleet.printable import printable
+from pioneer_fleet.recording.salvage import Losses, has_end, is_recording, salvaged_rows
 
 _ENCODING = "ros1msg"
 _LOGGER = logging.getLogger("rosout")
@@ -74,6 +75,10 @@ class McapFile:
             )
         self._mcap.add_message(self._channels[topic, kind], time, data, time)
 
+    def flush(self) -> None:
+        """Writes what was added to the disk, so that it can be read whatever happens to this process."""
+        self._mcap.flush()
+
     def close(self) -> None:
         """Completes the file."""
         self._mcap.finish()
@@ -112,6 +117,12 @@ class BagFile:
             )
         self._bag.write(self._connections[key], message.time, message.data)
 
+    def flush(self) -> None:
+        """Writes what was added to the disk, so that it can be read whatever happens to this process."""
+        self._bag.write_chunk(self._bag.chunks[-1])
+        if self._bag.bio is not None:
+            self._bag.bio.flush()
+
     def close(self) -> None:
         """Completes the file."""
         self._bag.close()
@@ -129,17 +140,104 @@ def _remove_file(path: Path) -> None:
 
 
 def messages_of(path: Path) -> Iterator[Message]:
-    """Yields a recording's messages in chronological order.
+    """Yields a recording's messages in chronological order; of an incomplete one, in the order of the file.
+
+    Logs what is missing of an incomplete one: before the first message that it is incomplete, after the last how much.
 
     Raises:
-        RecordingError: the file is not a recording.
+        RecordingError: the file is not a recording, or is damaged.
         OSError: it cannot be read.
     """
+    if not is_complete(path):
+        losses = Losses()
+        _LOGGER.warning(
+            "%s is incomplete: what can be read is used (--repair NEW writes it to a new file)",
+            printable(str(path), ""),
+        )
+        yield from salvaged(path, losses)
+        for line in losses.lines:
+            _LOGGER.warning("%s: %s", printable(str(path), ""), line)
+        return
     if path.suffix == ".bag":
         yield from _of_bag(path)
         return
     with _mcap(path) as reader:
         yield from _messages(reader.iter_messages())
+
+
+def is_complete(path: Path) -> bool:
+    """Returns whether a recording has its end, with the index.
+
+    Raises:
+        RecordingError: the file is not a recording.
+        OSError: it cannot be read.
+    """
+    if not is_recording(path):
+        kind = "bag" if path.suffix == ".bag" else "MCAP file"
+        raise RecordingError(f"{path} is not a complete {kind}: it does not begin as one")
+    if path.suffix != ".bag":
+        return has_end(path)
+    import rosbag
+
+    try:
+        with rosbag.Bag(str(path)):
+            return True
+    except _bag_errors():
+        return False
+
+
+def salvaged(path: Path, losses: Losses) -> Iterator[Message]:
+    """Yields the messages that can be read of an incomplete or damaged recording, in the order of the file.
+
+    Args:
+        path: the recording.
+        losses: takes what is missing.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    for topic, header, moment, data in salvaged_rows(path, losses):
+        kind = Kind(
+            type=header.get("type", ""),
+            md5sum=header.get("md5sum", "*"),
+            definition=header.get("message_definition", ""),
+            latching=header.get("latching") == "1",
+            sender=header.get("callerid", ""),
+        )
+        yield Message(topic, kind, moment, data)
+
+
+def repair(path: Path, new: Path) -> tuple[int, Losses]:
+    """Writes what can be read of a recording to a new, complete one.
+
+    Returns:
+        The number of its messages, and what is missing.
+
+    Raises:
+        RecordingError: the file is not a recording.
+        OSError: one cannot be read, the other one exists or cannot be written.
+    """
+    if not is_recording(path):
+        raise RecordingError(f"{path} is no recording")
+    if new.exists():
+        raise FileExistsError(errno.EEXIST, "it exists already", str(new))
+    losses = Losses()
+    count = 0
+    writer = writer_of(new)
+    for message in salvaged(path, losses):
+        writer.add(message)
+        count += 1
+    writer.close()
+    return count, losses
+
+
+def writer_of(path: Path) -> BagFile | McapFile:
+    """Returns a writer for a new recording: a bag, or an MCAP file.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    return BagFile(path) if path.suffix == ".bag" else McapFile(path)
 
 
 class Contents(NamedTuple):
@@ -187,12 +285,16 @@ def messages_since(path: Path, since: int) -> Iterator[Message]:
 def _mcap(path: Path) -> Iterator[Any]:
     from mcap.exceptions import McapError
     from mcap.reader import make_reader
+    from zstandard import ZstdError
 
     try:
         with path.open("rb") as file:
             yield make_reader(file)
-    except (McapError, struct.error, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path} is not a complete MCAP file: {error}") from None
+    except (McapError, ZstdError, struct.error, UnicodeDecodeError, ValueError) as error:
+        raise RecordingError(
+            f"{path} is not a complete MCAP file: {error or type(error).__name__} "
+            "(./pioneer replay FILE --repair NEW writes what can be read)"
+        ) from None
 
 
 def _messages(rows: Iterable[tuple[Any, Any, Any]]) -> Iterator[Message]:
@@ -248,5 +350,12 @@ def _of_bag(path: Path) -> Iterator[Message]:
                         definition = _definition(definition, raw[0], topic)
                     kinds[key] = Kind(raw[0], raw[2], definition, latching, sender)
                 yield Message(topic, kinds[key], time.to_nsec(), raw[1])
-    except (rosbag.ROSBagException, UnicodeDecodeError) as error:
+    except _bag_errors() as error:
         raise RecordingError(f"{path} is not a complete bag: {error}") from None
+
+
+def _bag_errors() -> tuple[type[Exception], ...]:
+    """Returns what rosbag raises for bags that it cannot read."""
+    import rosbag
+
+    return (rosbag.ROSBagException, struct.error, UnicodeDecodeError, ValueError, KeyError)

@@ -5,11 +5,12 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 import rospy
 
 from pioneer_fleet.recording.player import Pace, Replay
-from pioneer_fleet.recording.recording import RecordingError, messages_of
+from pioneer_fleet.recording.recording import RecordingError, messages_of, repair
 from pioneer_fleet.recording.replay_option import parser
 from pioneer_fleet.recording.replay_page import ReplayPage
 from pioneer_harness.error import HarnessError
@@ -27,8 +28,12 @@ def main(words: Sequence[str]) -> int:
         command.error(f"there is no recording {options.file}")
     if options.web and options.file.suffix != ".mcap":
         command.error("--web plays .mcap files only")
+    if options.repair is not None and options.repair.suffix not in (".mcap", ".bag"):
+        command.error(f"--repair must name a new file such as new.mcap, not {options.repair}")
     end = ForcedEnd(signal.SIGINT, signal.SIGTERM)
     try:
+        if options.repair is not None:
+            return _repair(options.file, options.repair)
         with Master() as master:
             os.environ.update(ROS_MASTER_URI=master.uri, ROS_IP="127.0.0.1")
             print(f"export ROS_MASTER_URI={master.uri}", flush=True)
@@ -49,6 +54,15 @@ def main(words: Sequence[str]) -> int:
         print(f"pioneer replay: {error}", file=sys.stderr)
         return 1
     return 128 + end.number if end.number else 0
+
+
+def _repair(path: Path, new: Path) -> int:
+    """Writes a complete recording from an incomplete one, and prints what is missing; returns the exit status."""
+    count, losses = repair(path, new)
+    for line in losses.lines:
+        print(f"{path}: {line}")
+    print(f"{new} has {count} messages")
+    return 0
 
 
 if __name__ == "__main__":

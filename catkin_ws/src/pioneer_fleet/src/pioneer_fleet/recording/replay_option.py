@@ -26,4 +26,10 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="show it in the browser, with a slider (docs/web.md); keeps it",
     )
+    made.add_argument(
+        "--repair",
+        type=Path,
+        metavar="NEW",
+        help="play nothing, but write what can be read of an incomplete or damaged FILE to NEW",
+    )
     return made
