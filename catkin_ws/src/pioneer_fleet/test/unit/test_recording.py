@@ -1,27 +1,40 @@
 """Recordings: messages of several masters are written to one file and replayed unchanged."""
 
 import contextlib
+import io
 import os
+import pty
 import signal
+import struct
 import subprocess
 import sys
+import termios
 import xmlrpc.client
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_ros1.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from pioneer_fleet.recording import replay
-from pioneer_fleet.recording.recording import RecordingError, is_complete, messages_of
+from pioneer_fleet.recording.recording import (
+    Kind,
+    McapFile,
+    Message,
+    RecordingError,
+    is_complete,
+    messages_of,
+)
 from pioneer_harness.masters import Master
 from pioneer_harness.process import ProcessGroup
 from pioneer_harness.wait import START, wait_until
-from tcpros.client import Client
+from tcpros.client import Client, Connection
 from tcpros.error import TcprosError
 
 TALK = """
@@ -245,6 +258,86 @@ def uri_of(running: subprocess.Popen[str]) -> str:
     """Returns the address of a replay's master, which is its first line."""
     assert running.stdout is not None
     return running.stdout.readline().strip().partition("=")[2]
+
+
+@pytest.fixture
+def numbers(tmp_path: Path) -> Path:
+    """Returns a recording of 5 s with a number each second, and the clock at half of real time."""
+    path = tmp_path / "numbers.mcap"
+    kind = Kind(String._type, String._md5sum, String._full_text, latching=False, sender="/a")
+    clock = Kind(Clock._type, Clock._md5sum, Clock._full_text, latching=False, sender="/b")
+    file = McapFile(path)
+    for second in range(6):
+        moment = (1000 + second) * 10**9
+        file.add(Message("/base/clock", clock, moment, struct.pack("<II", second // 2, 0)))
+        file.add(Message("/base/numbers", kind, moment, serialized(String(str(second)))))
+    file.close()
+    return path
+
+
+def serialized(message: Any) -> bytes:
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    return buffer.getvalue()
+
+
+def test_a_replay_sets_use_sim_time_and_begins_where_it_is_told(numbers: Path) -> None:
+    with Master() as master:
+        environment = with_path(master)
+    options = ("--start", "4", "--stay", "--topics", "/numbers", "/clock")
+    with replayed(numbers, environment, *options) as running:
+        uri = uri_of(running)
+        assert running.stdout.readline() == "4 messages were published\n"
+        assert Client(uri, "/test").ask_master("getParam", "/use_sim_time") is True
+    with replayed(numbers, environment, "--topics", "/numbers", "--rate", "100") as running:
+        uri_of(running)
+        assert running.stdout.readline() == "6 messages were published\n"
+
+
+def test_a_replay_loops_until_ctrl_c(numbers: Path) -> None:
+    with Master() as master:
+        environment = with_path(master)
+    with replayed(numbers, environment, "--loop", "--rate", "20") as running:
+        client = Client(uri_of(running), "/test")
+        connection = wait_until(lambda: subscription(client, "/numbers"), "the topic", START)
+        with connection:
+            heard = [int(String().deserialize(connection.read_frame()).data) for _ in range(13)]
+        running.send_signal(signal.SIGINT)
+        assert running.wait(START) == 130
+    first = heard[0]
+    assert heard == [(first + step) % 6 for step in range(13)]
+
+
+def test_the_space_bar_pauses_a_replay_and_continues_it(numbers: Path) -> None:
+    with Master() as master:
+        environment = with_path(master)
+    ours, its = pty.openpty()
+    before = termios.tcgetattr(its)
+    words = module("pioneer_fleet.recording.replay", numbers, "--rate", "10")
+    with subprocess.Popen(
+        words, env=environment, stdin=its, stdout=subprocess.PIPE, text=True
+    ) as running:
+        assert running.stdout is not None
+        assert "space bar" in "".join(running.stdout.readline() for _ in range(2))
+        os.write(ours, b" ")
+        assert running.stdout.readline() == "paused\n"
+        with pytest.raises(subprocess.TimeoutExpired):
+            running.wait(2.0)
+        os.write(ours, b" ")
+        assert running.stdout.readline() == "continued\n"
+        assert running.stdout.readline() == "12 messages were published\n"
+        assert running.wait(START) == 0
+    assert termios.tcgetattr(its) == before
+    os.close(ours)
+    os.close(its)
+
+
+def subscription(client: Client, topic: str) -> Connection | None:
+    """Returns a connection to the replay's publisher of a topic; None while there is none."""
+    try:
+        return client.subscribe("/replay", topic)
+    except (OSError, TcprosError):
+        return None
 
 
 def test_a_file_that_is_no_recording_is_named(tmp_path: Path) -> None:

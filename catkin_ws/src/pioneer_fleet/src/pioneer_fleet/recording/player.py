@@ -9,6 +9,7 @@ import rospy
 
 from pioneer_fleet.printable import printable
 from pioneer_fleet.recording.recording import Kind, Message
+from pioneer_fleet.recording.selection import name_without_master
 from pioneer_node.adapters.end_request import EndRequest
 
 _SLICE = 0.1
@@ -68,7 +69,7 @@ class Replay:
         return count
 
     def _topic_of(self, message: Message) -> "_Topic":
-        name = "/" + message.topic.lstrip("/").partition("/")[2]
+        name = name_without_master(message.topic)
         if name not in self._topics:
             self._topics[name] = _Topic(name, message.kind)
         return self._topics[name]

@@ -186,6 +186,30 @@ def is_complete(path: Path) -> bool:
         return False
 
 
+def topics_of(path: Path) -> set[str]:
+    """Returns the topics of a recording, from its index if it has one.
+
+    Raises:
+        RecordingError: the file is not a recording, or is damaged.
+        OSError: it cannot be read.
+    """
+    if not is_complete(path):
+        return {message.topic for message in salvaged(path, Losses())}
+    if path.suffix != ".bag":
+        with _mcap(path) as reader:
+            summary = reader.get_summary()
+            if summary is not None and summary.channels:
+                return {channel.topic for channel in summary.channels.values()}
+        return {message.topic for message in messages_of(path)}
+    import rosbag
+
+    try:
+        with rosbag.Bag(str(path)) as bag:
+            return set(bag.get_type_and_topic_info().topics)
+    except _bag_errors() as error:
+        raise RecordingError(f"{path} is not a complete bag: {error}") from None
+
+
 def salvaged(path: Path, losses: Losses) -> Iterator[Message]:
     """Yields the messages that can be read of an incomplete or damaged recording, in the order of the file.
 

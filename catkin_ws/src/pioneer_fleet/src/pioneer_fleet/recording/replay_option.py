@@ -19,6 +19,26 @@ def parser() -> argparse.ArgumentParser:
         "--rate", type=float, default=1.0, metavar="R", help="recorded seconds a second (default 1)"
     )
     made.add_argument(
+        "--start",
+        type=float,
+        default=0.0,
+        metavar="S",
+        help="begin S recorded seconds after the first message, with what was latched by then",
+    )
+    made.add_argument("--loop", action="store_true", help="begin again at the end, until Ctrl-C")
+    made.add_argument(
+        "--topics",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="play only these, such as /clock '/tf*' '/aadi1/*'",
+    )
+    made.add_argument(
+        "--simulated",
+        action="store_true",
+        help="--rate counts simulated seconds, as /clock has them, not those of the recording's wall clock",
+    )
+    made.add_argument(
         "--stay", action="store_true", help="keep the master, with its latched topics, until Ctrl-C"
     )
     made.add_argument(
