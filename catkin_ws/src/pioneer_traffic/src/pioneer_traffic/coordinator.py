@@ -118,7 +118,15 @@ class Coordinator:
         self._own = replace(self._own, goal=goal[0], since=now, region=goal[1])
         self._waypoint = waypoint
         self._held = False
+        self._return_on_the_way()
         return True
+
+    def _return_on_the_way(self) -> None:
+        """Lets a robot off the roadmap join its next path directly; it keeps the ground around it until then."""
+        if self._own.out:
+            self._visited = None
+            self._own = replace(self._own, out=False)
+            self._publish_held()
 
     def hold(self) -> None:
         """Takes the robot out of the agreement until it gets a waypoint: it stays, and others drive around it."""
@@ -283,11 +291,11 @@ class Coordinator:
             return
         near = (index for index in range(len(self._track) - 1, -1, -1) if self._is_at_place(index))
         passed = next(near, -1)
-        if passed >= 0:
+        if passed >= 0 or self._is_on_first_way():
             # Navigation chooses its own path to the end of the route: it may have bypassed the first place.
             self._aside = ()
         if not self._aside:
-            del self._track[: max(passed, int(self._is_past_second()))]
+            del self._track[: max(passed, int(self._is_past_second() or self._is_clear_of_first()))]
         self._give_up_blocked()
         self._publish_held()
         if self._own.robot not in self._plan.paths:
@@ -329,6 +337,34 @@ class Coordinator:
         return (
             distance_to_segment(self._own.position, self._place(1), self._place(2))
             <= self._config.reach
+        )
+
+    def _is_on_first_way(self) -> bool:
+        """Returns whether the robot is between the first and the second place taken."""
+        if len(self._track) < 2:
+            return False
+        distance = distance_to_segment(self._own.position, self._place(0), self._place(1))
+        return distance <= self._config.reach
+
+    def _is_clear_of_first(self) -> bool:
+        """Returns whether the robot is nearer to the next places taken than to the first, and clear of that one.
+
+        Clear: no robot that comes to the first place, by any way that this robot does not hold, comes within the
+        clearance. Navigation cuts corners: the robot may never come near the second place.
+        """
+        if len(self._track) < 3:
+            return False
+        position = self._own.position
+        least = self._roadmap.config.clearance
+        first = self._track[0]
+        to_first_way = distance_to_segment(position, self._place(0), self._place(1))
+        ahead = distance_to_segment(position, self._place(1), self._place(2))
+        if ahead > to_first_way:
+            return False
+        others = [place for place in self._roadmap.neighbours[first] if place not in self._track]
+        places = self._roadmap.places
+        return math.dist(position, places[first]) >= least and all(
+            distance_to_segment(position, places[first], places[other]) >= least for other in others
         )
 
     def _avoid_occupied_ground(self, fresh: dict[str, Report]) -> None:

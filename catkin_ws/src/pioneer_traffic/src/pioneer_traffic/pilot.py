@@ -324,7 +324,8 @@ class Pilot:
         stop, final = self._stop_of(route)
         if self._has_stop(stop, final, position, now):
             return
-        if self._stretch is None and not final and len(route) == 1 and self._is_at(stop, inputs):
+        stands = self._stretch is None or self._stretch.reached
+        if stands and not final and len(route) == 1 and self._is_at(stop, inputs):
             return
         self._stretches += 1
         self._stretch = _Stretch(self._stretches, stop, final)

@@ -27,6 +27,7 @@ def planned(
     barred: Collection[int],
     plan_id: PlanId,
     closed_ways: Collection[Way] = (),
+    denied: Collection[str] = (),
 ) -> Plan:
     """Returns a plan for robots of which no two hold the same place.
 
@@ -38,6 +39,7 @@ def planned(
         barred: places near robots that do not take part.
         plan_id: id of the new plan; its number seeds the search.
         closed_ways: ways, with their directions, that come too near to robots that do not take part.
+        denied: robots that may not leave the roadmap by this plan.
     """
     ordered = sorted(reports, key=lambda report: (report.goal < 0, report.since, report.robot))
     asked = {
@@ -46,6 +48,8 @@ def planned(
         if report.out or (report.has_arrived and report.region)
     }
     vacated = set[int]()
+    for name in denied:
+        vacated.update(asked.pop(name).region)
     while True:
         regions = _granted(asked.values(), barred)
         graph, closed = _open_graph(roadmap, ordered, regions, barred)
@@ -67,8 +71,10 @@ def planned(
     }
     outside, inside = _by_side(ordered, regions, closed)
     taken = closed.union(reachable[one.robot] for one in outside if one.robot in reachable)
+    # A robot that has to get out of a region, and cannot go to its goal, takes the place that it can reach soonest.
+    wanted = {one.robot: one.goal for one in inside if reachable.get(one.robot, -1) == one.goal}
     room = _room_for(
-        graph, [one for one in outside if one.robot not in reachable] + inside, taken, reachable
+        graph, [one for one in outside if one.robot not in reachable] + inside, taken, wanted
     )
     for one in inside:
         # It stands in another robot's region, and may not reach its own goal now.
@@ -78,6 +84,16 @@ def planned(
     tracks = _search(
         graph, tuple(report.stop for report in ordered), targets, distances, plan_id.number
     )
+    ends = {track[-1] for track in tracks}
+    blocked = {
+        report.robot
+        for report in ordered
+        if not report.out and not ends.isdisjoint(regions.get(report.robot, ()))
+    }
+    if blocked:
+        # Another robot would stay in the region: its owner could not use it, and lets the others pass first.
+        denied = {*denied, *blocked}
+        return planned(roadmap, reports, barred, plan_id, closed_ways, denied)
     visits = [list(_visits(places)) for places in tracks]
     names = [report.robot for report in ordered]
     return Plan(

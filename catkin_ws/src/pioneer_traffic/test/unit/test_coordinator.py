@@ -284,6 +284,41 @@ def test_a_robot_that_cuts_the_first_corner_lets_go_of_the_ground_it_started_on(
     assert one.advance((2.9, 0.1), 4.0).held == (3, 4, 5, 6)
 
 
+def test_a_robot_that_cuts_a_corner_lets_go_of_what_it_keeps_clear_of() -> None:
+    """It kept the places of a corner that it had cut, slowed down at the end of what it held, and stopped."""
+    corner = Roadmap(
+        [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (2.0, 1.0), (2.0, 2.0), (2.0, 3.0), (1.0, -1.0)],
+        [[1], [0, 2, 6], [1, 3], [2, 4], [3, 5], [4], [1]],
+    )
+    one = Coordinator("a", corner)
+    one.set_waypoint(corner.places[5], 0.0)
+    for tick in range(20):
+        one.advance(corner.places[0], 0.2 * tick)
+    assert one.report.held == (0, 1, 2, 3)
+    assert one.advance((0.7, 0.35), 4.0).held == (0, 1, 2, 3), "another robot may come to 0"
+    assert one.advance((1.3, 0.75), 4.2).held == (1, 2, 3, 4)
+    assert one.advance((1.5, 0.6), 4.4).held == (1, 2, 3, 4), "another robot may come to 1 from 6"
+    assert one.advance((1.6, 0.8), 4.6).held == (2, 3, 4, 5)
+
+
+def test_a_robot_off_the_roadmap_does_not_return_to_its_place_before_the_next_way() -> None:
+    """It drove back to the place at each waypoint, and two plans were made one after the other."""
+    trial = Trial(ROW, None, [ROW.places[2]], [[(2.0, 0.55), ROW.places[6]]])
+    (one,) = trial.coordinators
+    while trial._reached[0] == 0:
+        trial.step()
+    ground = set(one.report.held)
+    assert not one.report.out
+    assert len(ground) > 1
+    number = one.report.ready.number
+    while one.report.stop == 2:
+        trial.step()
+        assert set(one.report.held) >= ground
+    assert one.report.ready.number == number + 1
+    assert trial.bodies[0].y > 0.3
+    assert trial.run(60.0).reached == 2
+
+
 def test_one_waypoint_after_the_other_is_reached_from_one_place() -> None:
     outcome = Trial(ROW, None, [ROW.places[0]], [[(2.0, 0.45), (2.0, -0.45), (2.0, 0.45)]]).run(
         60.0

@@ -149,6 +149,18 @@ STOPS = {
 }
 
 
+def test_the_next_goal_does_not_begin_with_a_way_back_to_a_place() -> None:
+    robot = Robot()
+    robot.step(NewRoadmap(ROW), NewGoal((3.0, 0.25)))
+    robot.run(30.0)
+    assert robot.finished == [Finish(Outcome.REACHED, "Goal reached.")]
+    before = len(robot.drives)
+    robot.step(NewGoal((7.0, 0.0)))
+    robot.run(30.0)
+    assert [finish.outcome for finish in robot.finished] == [Outcome.REACHED] * 2
+    assert all(drive.stop[0] > 4.0 for drive in robot.drives[before:])
+
+
 @pytest.mark.parametrize("stop", STOPS.values(), ids=STOPS.keys())
 def test_a_stop_ends_the_goal_at_once_and_the_robot_stays(stop: Event) -> None:
     """Cancelling move_base's goal used to be undone after 2 s; cancelling the goal left move_base driving."""

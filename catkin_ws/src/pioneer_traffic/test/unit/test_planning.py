@@ -1,5 +1,10 @@
 """Plans: which robot is led where, and over which ground."""
 
+import random
+from dataclasses import replace
+
+import pytest
+
 from pioneer_traffic.planning import planned
 from pioneer_traffic.report import Plan, PlanId, Report
 from pioneer_traffic.roadmap import Roadmap
@@ -177,3 +182,39 @@ def test_a_robot_backs_off_where_those_it_pushes_have_no_room_to_let_it_pass() -
     ]
     plan = planned(room, [coming, *idle], (), PlanId(1, "back"))
     assert plan.paths["coming"][-1] == 7
+
+
+def test_ground_in_which_another_robot_would_stay_is_not_granted() -> None:
+    """A robot in a corner was sent around a ring that others filled: it stayed, and the plan counted as complete."""
+    places = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0), (3.0, 1.0), (2.0, -1.0)]
+    places += [(float(x), 2.0) for x in range(4)]
+    near = [
+        [other for other, (u, v) in enumerate(places) if abs(u - x) + abs(v - y) == 1.0]
+        for x, y in places
+    ]
+    ring = Roadmap(places, near)
+    stops = {"a": 6, "b": 2, "c": 4, "corner": 0, "owner": 1}
+    reports = [Report(name, ring.signature, places[at], (at,)) for name, at in stops.items()]
+    reports[-1] = replace(reports[-1], goal=1, region=(0,))
+    plan = planned(ring, reports, (), PlanId(1, "a"))
+    if "owner" in plan.regions:
+        assert plan.paths["corner"][-1] != 0
+    else:
+        assert plan.paths["owner"][-1] != 1 or plan.paths["corner"][-1] != 0
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_no_granted_ground_is_where_another_robot_stays(seed: int) -> None:
+    generator = random.Random(seed)
+    count = generator.randint(3, 11)
+    at = generator.sample(range(2 * COLS), count)
+    reports = []
+    for number, place in enumerate(at):
+        asks = generator.random() < 0.4
+        region = tuple(LADDER.neighbours[place][: generator.randint(1, 2)]) if asks else ()
+        goal = place if asks else generator.choice([-1, *range(2 * COLS)])
+        reports.append(state(f"robot{number:02}", place, goal=goal, region=region))
+    plan = planned(LADDER, reports, (), PlanId(seed + 1, "robot00"))
+    ends = {name: path[-1] for name, path in plan.paths.items()}
+    for name, region in plan.regions.items():
+        assert not [other for other in ends if other != name and ends[other] in region]
