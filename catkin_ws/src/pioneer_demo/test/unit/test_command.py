@@ -1,6 +1,7 @@
 """The commands that are started, where they run, and on which ports."""
 
 import dataclasses
+from pathlib import Path
 
 from pioneer_demo.processes.command import Ports, commands
 from pioneer_demo.scenario.option import DemoConfig
@@ -49,6 +50,13 @@ def test_lockstep_is_asked_of_the_simulator_and_of_each_robot():
     assert {"real_time_factor:=lockstep", rings} <= set(found["simulator"])
     assert "real_time_factor:=lockstep" in found["navigation of pioneer2"]
     assert not any("lockstep" in word for command in started().values() for word in command.argv)
+
+
+def test_the_recorder_gets_the_masters_and_what_it_records():
+    config = DemoConfig(record=Path("run.mcap"), record_topics=("/clock", "/tf*"), record_split=9)
+    words = started(config)["recorder"].argv
+    assert {"hub=http://127.0.0.1:11311", "aadi2=http://127.0.0.1:11314"} <= set(words)
+    assert words[-3:] == ("--topics=/clock", "--topics=/tf*", "--split=9")
 
 
 def test_the_tutorials_ports_are_known_as_such():

@@ -74,6 +74,13 @@ def test_every_option_arrives():
     )  # fmt: skip
 
 
+def test_what_is_recorded_arrives():
+    line = "--record run.mcap --record-topics /clock /tf* --record-split 500"
+    config = parsed(*line.split(" "))
+    assert (config.record, config.record_split) == (Path("run.mcap"), 500)
+    assert config.record_topics == ("/clock", "/tf*")
+
+
 def test_lockstep_excludes_a_real_time_factor():
     assert (parsed("--lockstep").real_time_factor, parsed("--lockstep").choice) == (0.0, "")
     with pytest.raises(OptionError, match="give one of them"):
@@ -117,6 +124,8 @@ def test_a_world_file_goes_by_the_name_of_its_map():
         (["--waypoints", "0"], "--waypoints must be 1 to 50, not 0"),
         (["--seed", "-4"], "--seed must be 0 to"),
         (["--limit", "-4"], "--limit must be 0"),
+        (["--record-topics", "/clock"], "--record-topics and --record-split go with --record FILE"),
+        (["--record", "a.mcap", "--record-split", "-1"], "--record-split must be 0"),
         (["--fly"], "unrecognized arguments: --fly"),
     ],
 )

@@ -214,13 +214,15 @@ def test_two_recorders_at_once_each_have_all_messages(tmp_path: Path) -> None:
 
 
 COUNT = """
-import itertools, rospy
+import itertools, random, rospy, sys
 from std_msgs.msg import String
 rospy.init_node("counter", disable_signals=True)
+padding = "".join(random.choices("0123456789abcdef", k=int((sys.argv[1:] or [0])[0])))
 publisher = rospy.Publisher("numbers", String, queue_size=100)
 rate = rospy.Rate(200)
 for number in itertools.count():
-    publisher.publish(str(number))
+    publisher.publish(f"{number} {padding}")
+    padding = padding[1:] + padding[:1]
     rate.sleep()
 """
 
@@ -408,6 +410,35 @@ def test_a_recording_is_complete_when_the_disk_gets_full_meanwhile(
 
 
 @pytest.mark.parametrize("suffix", ["mcap", "bag"])
+def test_a_recording_has_the_chosen_topics_and_continues_in_new_files(
+    tmp_path: Path, suffix: str
+) -> None:
+    """Each file has what was latched before, so that it can be played by itself."""
+    path = tmp_path / f"run.{suffix}"
+    parts = [path, *(tmp_path / f"run-{number}.{suffix}" for number in (2, 3))]
+    with Master() as master, ProcessGroup() as group:
+        group.start("talker", [sys.executable, "-c", TALK, "latched"], master.environment)
+        group.start("counter", [sys.executable, "-c", COUNT, "20000"], master.environment)
+        options = ("--topics=/numbers", "--topics=/base/wor*", "--split=1")
+        words = module("pioneer_fleet.recording.recorder", path, f"base={master.uri}", *options)
+        with subprocess.Popen(
+            words, env=with_path(master), stdout=subprocess.PIPE, text=True
+        ) as recorder:
+            wait_until(parts[-1].exists, "a third file", START)
+            recorder.send_signal(signal.SIGINT)
+            said, _ = recorder.communicate(timeout=START)
+    assert " 0 dropped" in said
+    assert all(is_complete(part) for part in parts)
+    found = [number for part in parts for number in numbers_in(part)]
+    assert found == list(range(found[0], found[-1] + 1))
+    for part in parts:
+        messages = list(messages_of(part))
+        assert {one.topic for one in messages} - {"/base/numbers"} == {"/base/words"}
+        latched = [one for one in messages if one.kind.latching]
+        assert [String().deserialize(one.data).data for one in latched] == ["latched"]
+
+
+@pytest.mark.parametrize("suffix", ["mcap", "bag"])
 def test_a_killed_recorder_loses_what_came_in_its_last_second(
     tmp_path: Path, suffix: str, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -438,7 +469,7 @@ def numbers_in(path: Path) -> list[int]:
     """Returns the counter's numbers in a recording; none if there is no recording yet."""
     try:
         return [
-            int(String().deserialize(one.data).data)
+            int(String().deserialize(one.data).data.split()[0])
             for one in messages_of(path)
             if one.topic == "/base/numbers"
         ]

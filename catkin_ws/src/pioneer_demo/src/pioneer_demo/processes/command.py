@@ -1,13 +1,13 @@
 """The tutorial's commands, adapted to run in parallel on one machine."""
 
 import dataclasses
-import itertools
 import shlex
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from pioneer_demo.scenario.option import FleetConfig
+from pioneer_fleet.recording.disk import free_name
 from pioneer_node.core.fleet_file import RobotEntry
 
 HUB_MASTER, HUB_GATEWAY_MASTER, FIRST_ROBOT_MASTER, HUB = 11311, 11312, 11313, 6380
@@ -144,7 +144,11 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
             "pioneer_fleet.recording.recorder",
             str(config.record.absolute()),
         )
-        found.append(Command(RECORDER_COMMAND, (*recorder, *named_masters(ports)), {}))
+        options = [f"--topics={pattern}" for pattern in config.record_topics]
+        if config.record_split:
+            options.append(f"--split={config.record_split}")
+        argv = (*recorder, *named_masters(ports), *options)
+        found.append(Command(RECORDER_COMMAND, argv, {}))
     return found
 
 
@@ -160,9 +164,7 @@ def started_again(command: Command) -> Command:
     if command.name != RECORDER_COMMAND:
         return command
     *words, text = command.argv[:4]
-    path = Path(text)
-    others = (path.with_stem(f"{path.stem}-{number}") for number in itertools.count(2))
-    free = next(candidate for candidate in others if not candidate.exists())
+    free = free_name(Path(text))
     return dataclasses.replace(command, argv=(*words, str(free), *command.argv[4:]))
 
 

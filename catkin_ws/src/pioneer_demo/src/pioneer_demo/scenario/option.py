@@ -38,6 +38,9 @@ class FleetConfig:
     external: tuple[str, ...] = ()
     traffic: bool = False  #: whether the robots coordinate right of way
     record: Path | None = None  #: file for a recording of all masters' topics; None for none
+    #: patterns for the names of the recorded topics; empty for all
+    record_topics: tuple[str, ...] = ()
+    record_split: int = 0  #: size at which the recording continues in a new file [MB]; 0 for never
     force: bool = False  #: whether the recording may replace a file
     web: bool = False  #: whether to serve the web dashboard
     token: str = ""  #: login token of the dashboard
@@ -240,6 +243,7 @@ CONFIGS = {"demo": demo_config, "fleet": fleet_config, "run-scenario": scenario_
 def _chosen(values: dict[str, Any], machine: Machine) -> dict[str, Any]:
     """Returns the checked values; a missing real-time factor is chosen by the number of processors."""
     _check(values)
+    values["record_topics"] = tuple(values["record_topics"])
     count, file = values["robots"], values["fleet"]
     if file is None:
         count = FleetConfig().robots if count is None else count
@@ -309,6 +313,12 @@ def _check(values: Mapping[str, Any]) -> None:
     record = values["record"]
     if record is not None and record.suffix not in (".mcap", ".bag"):
         raise OptionError(f"--record must name a file such as run.mcap or run.bag, not '{record}'")
+    if values["record_split"] < 0:
+        raise OptionError(
+            f"--record-split must be 0 (one file) or more, not {values['record_split']}"
+        )
+    if record is None and (values["record_topics"] or values["record_split"]):
+        raise OptionError("--record-topics and --record-split go with --record FILE")
     factor = values["real_time_factor"]
     if factor is not None and not 0.0 <= factor < float("inf"):
         raise OptionError(f"--rtf must be 0 (as fast as possible) or more, not {factor:g}")
@@ -375,6 +385,10 @@ def _add_common(parser: Parser, worlds: Sequence[str]) -> None:
 def _add_record(parser: Parser) -> None:
     parser.add_argument("--record", type=Path, metavar="FILE",
         help="record the topics of all masters, .mcap or .bag (./pioneer replay FILE)")  # fmt: skip
+    parser.add_argument("--record-topics", nargs="+", default=(), metavar="NAME",
+        help="record only these, such as /clock '/tf*' '/aadi1/*'")  # fmt: skip
+    parser.add_argument("--record-split", type=int, default=0, metavar="MB",
+        help="continue the recording in NAME-2, NAME-3, … whenever a file has this size")  # fmt: skip
     parser.add_argument("--force", action="store_true", help="let --record replace a file")
 
 

@@ -4,6 +4,7 @@ Each message is recorded once, on the master of the node that publishes it, not 
 prefixed with the name of their master: ``/aadi1/pioneer1/amcl_pose``. Messages are written in serialised form.
 """
 
+import argparse
 import os
 import queue
 import signal
@@ -16,8 +17,9 @@ from typing import NoReturn
 
 from rosgraph.names import anonymous_name
 
-from pioneer_fleet.recording.disk import RESERVE, has_room
+from pioneer_fleet.recording.disk import RESERVE, free_name, has_room
 from pioneer_fleet.recording.recording import Kind, Message, RecordingError, writer_of
+from pioneer_fleet.recording.selection import is_chosen
 from pioneer_node.adapters.end_request import EndRequest
 from rocon_relay.connection import is_proxy_uri
 from tcpros.client import Client, Connection
@@ -98,11 +100,24 @@ class Recorder:
     Threads: one polls for publishers, one writes; one per publisher receives its messages.
     """
 
-    def __init__(self, path: Path, masters: Mapping[str, str]) -> None:
-        """``masters`` maps names to master URIs."""
+    def __init__(
+        self, path: Path, masters: Mapping[str, str], topics: Sequence[str] = (), split: int = 0
+    ) -> None:
+        """Creates the file.
+
+        Args:
+            path: the file, a bag if its suffix is ``.bag``, else in MCAP.
+            masters: master URIs by name.
+            topics: shell patterns for names of topics, with their masters' names or without; empty for all.
+            split: size at which the recording continues in a new file [bytes]; 0 for never.
+        """
+        self._topics = topics
+        self._split = split
+        self._latched: dict[tuple[str, str], Message] = {}
         # A publisher closes the connection of one subscriber when another one of the same name connects.
         own_name = "/" + anonymous_name(NAME)
         self._masters = {name: Client(uri, own_name) for name, uri in masters.items()}
+        self._first = path
         self._path = path
         self._writer = writer_of(path)
         self._proxies: set[tuple[str, str]] = set()
@@ -129,6 +144,8 @@ class Recorder:
                 if not has_room(self._path.parent):
                     self._writer.close()
                     raise FullDiskError
+                if self._split and self._path.stat().st_size >= self._split:
+                    self._continue_in_a_new_file()
             try:
                 message = self._waiting.get(timeout=max(0.0, flushed + _FLUSH - now))
             except queue.Empty:
@@ -137,7 +154,18 @@ class Recorder:
                 break
             self._writer.add(message)
             self.written += 1
+            if self._split and message.kind.latching:
+                self._latched[message.topic, message.kind.sender] = message
         self._writer.close()
+
+    def _continue_in_a_new_file(self) -> None:
+        """Completes the file and begins the next one, with what is latched, so that it can be played by itself."""
+        self._writer.close()
+        self._path = free_name(self._first)
+        self._writer = writer_of(self._path)
+        now = time.time_ns()
+        for message in self._latched.values():
+            self._writer.add(message._replace(time=now))
 
     def end(self) -> None:
         """Makes `run` return after writing the messages that have arrived so far, read or not.
@@ -168,7 +196,11 @@ class Recorder:
                     continue  # not running yet, or no longer
                 for topic, nodes in publishers:
                     for node in nodes:
-                        if not self._end.is_set() and not topic.endswith(_LEFT_OUT):
+                        if topic.endswith(_LEFT_OUT) or not is_chosen(
+                            f"/{name}{topic}", self._topics
+                        ):
+                            continue
+                        if not self._end.is_set():
                             self._connect(name, client, topic, node)
             self._end.wait(_LOOK)
 
@@ -214,11 +246,17 @@ class Recorder:
 
 def main(words: Sequence[str]) -> int:
     """Records until SIGINT or SIGTERM; returns the exit status."""
-    path, *masters = words
+    options = _parser().parse_args(words)
+    path = options.file
     if not has_room(Path(path).parent):
         _full(path, 0)
     try:
-        recorder = Recorder(Path(path), dict(word.split("=", 1) for word in masters))
+        recorder = Recorder(
+            Path(path),
+            dict(word.split("=", 1) for word in options.masters),
+            options.topics,
+            options.split * 10**6,
+        )
     except OSError as error:
         _failed(path, 0, error)
     ending = EndRequest()
@@ -237,6 +275,25 @@ def main(words: Sequence[str]) -> int:
         _failed(path, recorder.written, error)
     sys.stdout.write(f"{path}: {recorder.written} messages, {recorder.dropped} dropped\n")
     return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        "recorder", description="Records the topics of several masters."
+    )
+    parser.add_argument("file", metavar="FILE", help="the recording, .mcap or .bag")
+    parser.add_argument("masters", nargs="+", metavar="NAME=URI", help="the masters")
+    parser.add_argument(
+        "--topics",
+        action="append",
+        default=[],
+        metavar="PATTERN",
+        help="record only topics like it",
+    )
+    parser.add_argument(
+        "--split", type=int, default=0, metavar="MB", help="continue in a new file at this size"
+    )
+    return parser
 
 
 def _full(path: str, written: int) -> NoReturn:
