@@ -39,7 +39,7 @@ def main(words: Sequence[str]) -> int:
     )
     teleop = commands.add("teleop", _teleop, text, "teleop pioneer1")
     teleop.add_argument("robot", help="its name, such as pioneer1")
-    for command in (rviz, teleop):
+    for command in (status, rviz, teleop):
         command.add_argument(
             "--fleet", type=int, metavar="PID", help="the fleet of this process, if several run"
         )
@@ -49,7 +49,9 @@ def main(words: Sequence[str]) -> int:
 def _status(options: argparse.Namespace) -> int:
     fleets, computers = running_fleets(), list[Computer]()
     latest: dict[str, dict[str, Any]] = {}
-    if _has_containers(options.project):
+    if options.fleet is not None:
+        fleets = [_chosen(fleets, options.fleet)]
+    elif _has_containers(options.project):
         computers = fleet_of(options.project).computers()
         asked = [(one, ("--settled", "--timeout", "4")) for one in computers if one.running]
         follow(asked, lambda computer, line: latest.__setitem__(computer.name, line))

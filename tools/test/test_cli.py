@@ -154,6 +154,41 @@ def test_bash_completes_commands_options_and_values(line: str, offered: list[str
     assert [word for word in done.stdout.split() if word != "--waypoints"] == offered
 
 
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("./pioneer replay a", ["a.bag", "a.mcap", "along/"]),
+        ("./pioneer replay --repair a", ["a.bag", "a.mcap", "along/"]),
+        ("./pioneer demo --record a", ["a.bag", "a.mcap", "along/"]),
+        ("./pioneer experiment a", ["a.yaml", "along/"]),
+        ("./pioneer run-scenario a", ["a.yaml", "along/"]),
+        ("./pioneer run-scenario doorw", ["doorway"]),
+        ("./pioneer fleet --fleet a", ["a.yaml", "along/"]),
+        ("./pioneer demo --world a", ["a.world", "along/"]),
+        ("./pioneer demo --report a", ["along"]),
+    ],
+)
+def test_bash_completes_files_by_their_type(tmp_path: Path, line: str, offered: list[str]) -> None:
+    (tmp_path / "along").mkdir()
+    for suffix in ("bag", "mcap", "yaml", "world", "txt", "py"):
+        (tmp_path / f"a.{suffix}").touch()
+    words = line.replace("./pioneer", str(ROOT / "pioneer")).split(" ")
+    script = f"""
+    . {ROOT}/tools/completion.bash
+    COMP_WORDS=({" ".join(words)}); COMP_CWORD={len(words) - 1}
+    _pioneer; printf '%s\n' "${{COMPREPLY[@]}}"
+    """
+    done = subprocess.run(
+        ["bash", "-c", script],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=HANGS,
+        check=True,
+    )
+    assert sorted(done.stdout.split()) == offered
+
+
 def test_python_alone_answers_help() -> None:
     """The help of demo also appears on a machine without python3-yaml, which set-up installs."""
     script = (

@@ -120,6 +120,23 @@ def test_with_two_fleets_rviz_asks_for_one_and_lists_them(
     assert "no fleet has the process 9" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("two")
+def test_status_shows_both_fleets_or_the_one_that_is_chosen(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(native, "_has_containers", lambda _: False)
+    assert native.main(["status"]) == 0
+    text = capsys.readouterr().out
+    assert "rover" in text
+    assert "scout" in text
+    assert native.main(["status", "--fleet", "8"]) == 0
+    text = capsys.readouterr().out
+    assert "scout" in text
+    assert "rover" not in text
+    assert native.main(["status", "--fleet", "9", "--json"]) == 1
+    assert "no fleet has the process 9; there are --fleet 7: rover" in capsys.readouterr().err
+
+
 def test_teleop_finds_the_only_fleet_with_that_robot(
     two: list[tuple[str, list[str]]],
     monkeypatch: pytest.MonkeyPatch,

@@ -349,6 +349,17 @@ def test_a_file_that_is_no_recording_is_named(tmp_path: Path) -> None:
             next(messages_of(tmp_path / name))
 
 
+def test_a_replay_looks_at_the_file_before_it_starts_a_master(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("a.mcap", "a.bag"):
+        (tmp_path / name).write_bytes(b"nothing")
+        assert replay.main([str(tmp_path / name)]) == 1
+        said = capsys.readouterr()
+        assert said.out == ""
+        assert said.err.startswith(f"pioneer replay: {tmp_path / name} is not a complete ")
+
+
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
     """Returns the folder of a file system of 64 KB."""

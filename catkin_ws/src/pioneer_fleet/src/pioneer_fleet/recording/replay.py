@@ -52,11 +52,12 @@ def main(words: Sequence[str]) -> int:
     try:
         if options.repair is not None:
             return _repair(options.file, options.repair)
+        # Before a master is started: the file may be no recording.
+        clocks = {topic for topic in topics_of(options.file) if topic.endswith("/clock")}
         with Master() as master:
             os.environ.update(ROS_MASTER_URI=master.uri, ROS_IP="127.0.0.1")
             print(f"export ROS_MASTER_URI={master.uri}", flush=True)
             rospy.init_node("replay", disable_signals=True, disable_rostime=True)
-            clocks = {topic for topic in topics_of(options.file) if topic.endswith("/clock")}
             if any(is_chosen(topic, options.topics) for topic in clocks):
                 rospy.set_param("/use_sim_time", True)
             if options.web:
