@@ -47,7 +47,8 @@ def main(words: Sequence[str]) -> int:
 
 
 def _status(options: argparse.Namespace) -> int:
-    fleets, computers = running_fleets(), list[Computer]()
+    fleets: Sequence[Fleet] = running_fleets()
+    computers = list[Computer]()
     latest: dict[str, dict[str, Any]] = {}
     if options.fleet is not None:
         fleets = [_chosen(fleets, options.fleet)]
