@@ -122,7 +122,7 @@ def test_a_goal_behind_a_corridor_too_narrow_is_refused():
     [
         ((2.0, 3.0), (0.2, 3.0), r"the goal \(0.2, 3\) is in a wall"),
         ((2.0, 3.0), (99.0, 3.0), r"the goal \(99, 3\) is outside the map"),
-        ((2.0, 3.0), (0.6, 3.0), r"the goal \(0.6, 3\) is closer than 0.2 m to a wall"),
+        ((2.0, 3.0), (0.6, 3.0), r"the goal \(0.6, 3\) is closer than 0.23 m to a wall"),
         ((-5.0, 3.0), (2.0, 3.0), r"the start \(-5, 3\) is outside the map"),
         ((8.0, 1.0), (2.0, 3.0), r"the start \(8, 1\) is in a wall"),
     ],

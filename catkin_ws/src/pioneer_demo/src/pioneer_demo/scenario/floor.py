@@ -64,21 +64,6 @@ def floor_from_cells(cells: NDArray[np.int8], resolution: float, x: float, y: fl
     return Floor(resolution, x, y, (cells >= 0) & ~occupied, occupied)
 
 
-def parts(floor: Floor, radius: float) -> NDArray[np.int32]:
-    """Returns, for each cell, the part of the floor in which a robot's centre moves: a number; 0 where it cannot be.
-
-    A robot gets from one cell to another if both have the same number. The rule is the global planner's: a path keeps
-    more than the footprint's inscribed radius from what is not free, and goes to all eight neighbours.
-
-    Args:
-        floor: the map.
-        radius: inscribed radius of the robot's footprint [m].
-    """
-    numbers: NDArray[np.int32]
-    numbers, _ = ndimage.label(floor.clearance() > radius, _SQUARE)
-    return numbers
-
-
 def drivable(floor: Floor, clearance: float, cell: float) -> Floor:
     """Returns the floor in cells of about ``cell`` [m], free where a robot's centre keeps ``clearance`` [m].
 

@@ -3,11 +3,9 @@
 import contextlib
 from collections.abc import Iterator, Sequence
 
-from pioneer_demo.scenario.floor import Floor, parts
+from pioneer_demo.scenario.floor import Floor
 from pioneer_node.core.document import DocumentError
-
-PIONEER_RADIUS = 0.2
-"""Inscribed radius of the Pioneer's footprint in pioneer_2dnav [m]."""
+from pioneer_node.core.reach import PIONEER_RADIUS, areas
 
 Place = tuple[float, float]
 """x, y in the frame ``map`` [m]."""
@@ -19,18 +17,18 @@ def check_places(
     goals: Sequence[Sequence[Place]],
     radius: float = PIONEER_RADIUS,
 ) -> None:
-    """Checks each robot's start and goals by the planner's rule; see `parts`.
+    """Checks each robot's start and goals by the planner's rule; see `pioneer_node.core.reach`.
 
     Args:
         floor: the map.
         starts: each robot's start; None if the world defines it.
         goals: each robot's goals, in order.
-        radius: inscribed radius of their footprints [m].
+        radius: inscribed radius of their footprints, with padding [m].
 
     Raises:
         DocumentError: one is in a wall, outside the map, or out of reach; it has the place in a scenario.
     """
-    numbers = parts(floor, radius)
+    numbers = areas(floor.occupied, floor.resolution, radius)
 
     def part_at(place: Place) -> int:
         cell = floor.cell(*place)
@@ -38,13 +36,13 @@ def check_places(
             raise DocumentError("is outside the map")
         if floor.occupied[cell]:
             raise DocumentError("is in a wall")
+        if not floor.free[cell]:
+            raise DocumentError("is where the map knows nothing")
         # Positions are rounded to cells: a robot beside a wall may stand in the next cell.
         row, col = cell
         around = numbers[max(0, row - 1) : row + 2, max(0, col - 1) : col + 2]
         if not around.any():
-            raise DocumentError(
-                f"is closer than {radius:g} m to a wall or to what the map does not know"
-            )
+            raise DocumentError(f"is closer than {radius:g} m to a wall")
         return int(numbers[cell] or around.max())
 
     for robot, (start, own_goals) in enumerate(zip(starts, goals, strict=True)):

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pioneer_demo.error import NoWaypointError
-from pioneer_demo.scenario.floor import Floor, distances, drivable, parts, route
-from pioneer_demo.scenario.place import PIONEER_RADIUS
+from pioneer_demo.scenario.floor import Floor, distances, drivable, route
 from pioneer_fleet.geometry import Pose
+from pioneer_node.core.reach import areas
 
 # A Pioneer turning in place sweeps a circle of 0.36 m radius.
 _PASSABLE = 0.42
@@ -89,7 +89,7 @@ class _Chooser:
     @functools.cached_property
     def _narrow(self) -> Floor:
         """The floor in the map's own cells, by the planner's rule."""
-        free = parts(self._floor, PIONEER_RADIUS) > 0
+        free = areas(self._floor.occupied, self._floor.resolution) > 0
         return dataclasses.replace(self._floor, free=free, occupied=~free)
 
     def _leg_to(self, floor: Floor, robot: int, x: float, y: float) -> Leg:

@@ -2,18 +2,16 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from pioneer_fleet.geometry import Pose
+from pioneer_node.core.reach import PIONEER_RADIUS, areas
 
-CLEARANCE = 0.2
-"""Minimum distance of a robot's centre from an occupied cell [m]: half a Pioneer's width."""
 OCCUPIED = 65
 """Value from which a cell is occupied, as in ``map_server``'s maps."""
 
 
 class Reach:
-    """The places of a map that hang together. Unknown cells count as free: planners cross them.
+    """The places of a map that hang together, by the planner's rule. Unknown cells count as free: planners cross them.
 
     Args:
         cells: [row, col] of a ``nav_msgs/OccupancyGrid``, row 0 at the bottom.
@@ -31,25 +29,17 @@ class Reach:
     def refusal(self, start: Pose | None, goal: Pose) -> str:
         """Returns why a robot at ``start`` (None if unknown) cannot drive to ``goal``; empty if it can."""
         if self._areas is None:
-            self._areas = self._connected()
+            self._areas = areas(self._occupied, self._resolution)
         at = self._cell(goal)
         if at is None:
             return "it is outside the map"
         if not self._areas[at]:
-            return f"a wall of the map is nearer than {CLEARANCE:g} m"
+            return f"a wall of the map is nearer than {PIONEER_RADIUS:g} m"
         begin = None if start is None else self._cell(start)
         # A robot whose own place counts as wall is localised badly, which says nothing about the goal.
         if begin is None or not self._areas[begin]:
             return ""
         return "" if self._areas[begin] == self._areas[at] else "on the map, no way leads there"
-
-    def _connected(self) -> NDArray[np.int32]:
-        radius = int(CLEARANCE / self._resolution)
-        row, col = np.ogrid[-radius : radius + 1, -radius : radius + 1]
-        disk = row**2 + col**2 <= radius**2
-        too_near = ndimage.binary_dilation(self._occupied, disk)
-        areas: NDArray[np.int32] = ndimage.label(~too_near, np.ones((3, 3)), output=np.int32)[0]
-        return areas
 
     def _cell(self, pose: Pose) -> tuple[int, int] | None:
         """Returns row and column of the cell at a pose; None outside the map."""

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from pioneer_gazebo.error import DescriptionError, ModelError
 from pioneer_gazebo.fleet.drawn_map import read_map
@@ -33,6 +32,7 @@ from pioneer_gazebo.world.resource import map_path, model_path, package_director
 from pioneer_gazebo.world.robot import Robot
 from pioneer_gazebo.world.sdf import world_from_sdf
 from pioneer_gazebo.world.urdf import robot_from_urdf
+from pioneer_node.core.reach import clearance, connected
 
 try:
     from gymnasium import Env, spaces
@@ -371,7 +371,7 @@ def pioneer() -> Robot:
 class _FreeSpace:
     """The positions that robots can occupy, as cells of a map."""
 
-    def __init__(self, xy: NDArray[np.float64], part: NDArray[np.intp]) -> None:
+    def __init__(self, xy: NDArray[np.float64], part: NDArray[np.int32]) -> None:
         self._xy, self._part = xy, part
 
     def places(
@@ -441,12 +441,10 @@ def _free_space(world: Path) -> _FreeSpace:
     pixels = np.frombuffer(drawn.pixels, np.uint8, drawn.rows * drawn.cols).reshape(
         drawn.rows, drawn.cols
     )[::-1]
-    clear = (
-        ndimage.distance_transform_edt(np.pad(pixels >= drawn.free, 1))[1:-1, 1:-1]
-        * drawn.resolution
-        >= _CLEARANCE
-    )
-    parts, _ = ndimage.label(clear)
+    # The world does not end in free space.
+    taken = np.pad(pixels < drawn.free, 1, constant_values=True)
+    clear = clearance(taken, drawn.resolution)[1:-1, 1:-1] >= _CLEARANCE
+    parts = connected(clear)
     rows, cols = np.nonzero(clear)
     xy = np.column_stack(
         [drawn.x + (cols + 0.5) * drawn.resolution, drawn.y + (rows + 0.5) * drawn.resolution]
