@@ -13,7 +13,7 @@ No ROS, no clock: the caller passes the time [s] and the robot's pose.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 
 from pioneer_traffic.config import CoordinatorConfig
@@ -32,6 +32,9 @@ from pioneer_traffic.neighbours import (
 from pioneer_traffic.planning import planned
 from pioneer_traffic.report import Plan, PlanId, Report, Wait
 from pioneer_traffic.roadmap import Roadmap
+
+_BAND = 0.6
+"""Distance within which a robot that heads for a point straight has to come to its path [m]."""
 
 
 class Coordinator:
@@ -74,6 +77,10 @@ class Coordinator:
         self._strays: tuple[Point, ...] = ()  # obstacles that no robot's held places cover
         #: points to drive through; the robot stops at the last one. Empty: it stays.
         self.route: list[Point] = []
+        #: a point beyond the route to which the robot may head, because no other robot needs the ground up to there;
+        #: the robot has to turn to the route's end as soon as this is None
+        self.onward: Point | None = None
+        self._is_exit_free = False  # whether the robot may leave the roadmap at its goal
         self.finished = False  #: whether the waypoint has been reached
 
     @property
@@ -109,6 +116,8 @@ class Coordinator:
     def set_waypoint(self, waypoint: Point | None, now: float) -> bool:
         """Sets the waypoint, None for none; returns False if it is in a wall, or no place of the roadmap is near."""
         self._waypoint, self.finished = None, False
+        self.onward = None
+        self._is_exit_free = False
         self._own = replace(self._own, goal=-1, region=())
         if waypoint is None:
             return True
@@ -140,6 +149,7 @@ class Coordinator:
         self._track = []
         self._aside = ()
         self.route = []
+        self.onward = None
         self._own = replace(self._own, held=(), out=False, reached=-1)
 
     def set_obstacles(self, points: Iterable[Point]) -> None:
@@ -173,11 +183,15 @@ class Coordinator:
         self._finish_at_goal()
         self._make_plan_if_due(fresh, now)
         self._follow_newest(fresh)
+        self._is_exit_free = False
+        self.onward = None
         if self._own.ready == self._plan.id and hear_one_another(
             self._plan, self._own.robot, fresh
         ):
             self._take(fresh)
-            self._leave(fresh)
+            self._is_exit_free = self._may_leave(fresh)
+            self._leave()
+            self.onward = self._farthest_onward(fresh)
         self._visit()
         self._neighbours.foresight.note_own(self._own)
         return self._own
@@ -220,11 +234,18 @@ class Coordinator:
         return self._roadmap.places[self._track[index]]
 
     def _is_at_place(self, index: int) -> bool:
-        """Returns whether the robot is at a place taken, or at its waypoint right beside its goal's place."""
+        """Returns whether the robot is at a place taken, or between its goal's place and its waypoint."""
         if self._is_near(self._place(index)):
             return True
-        is_goal = self._track[index] == self._own.goal and not self._own.region
-        return is_goal and self._waypoint is not None and self._is_near(self._waypoint)
+        if self._track[index] != self._own.goal or self._waypoint is None:
+            return False
+        if self._is_exit_free:
+            # The robot may head for the waypoint before it has come to the place.
+            exit_distance = distance_to_segment(
+                self._own.position, self._place(index), self._waypoint
+            )
+            return exit_distance <= self._config.reach
+        return not self._own.region and self._is_near(self._waypoint)
 
     def _is_near(self, point: Point) -> bool:
         return math.dist(self._own.position, point) <= self._config.reach
@@ -509,26 +530,76 @@ class Coordinator:
         if has_waypoint and is_on_place and self._own.has_arrived and self._is_at_place(0):
             self.finished = True
 
-    def _leave(self, fresh: dict[str, Report]) -> None:
-        """Leaves the roadmap for the waypoint, once the goal is reached, if the plan grants the surrounding places.
+    def _may_leave(self, fresh: dict[str, Report]) -> bool:
+        """Returns whether the plan grants the ground around the waypoint, and all who come by there have passed.
 
-        Robots outside the plan may have claimed some of them since.
+        Robots outside the plan may have claimed some of it since.
         """
         own, plan = self._own, self._plan
         has_waypoint = self._waypoint is not None and not self.finished
-        if not has_waypoint or not own.region or own.out:
-            return
-        if not own.has_arrived or not self._is_at_place(0):
-            return
+        if not has_waypoint or not own.region or own.out or not own.has_taken_goal:
+            return False
         others = [self._neighbours.reports[name] for name in plan.paths if name != own.robot]
         free = all(
             other.adopted == plan.id and not comes_by(other, plan, own.region) for other in others
         )
-        free = free and self._neighbours.held_outside(self._plan, fresh).isdisjoint(own.region)
-        if free and set(own.region) <= set(plan.regions.get(own.robot, ())):
-            self._visited, self._aside = self._waypoint, own.region
-            self._own = replace(own, out=True)
+        free = free and self._neighbours.held_outside(plan, fresh).isdisjoint(own.region)
+        return free and set(own.region) <= set(plan.regions.get(own.robot, ()))
+
+    def _leave(self) -> None:
+        """Leaves the roadmap for the waypoint, once the robot has come to the goal's place, if it may."""
+        if self._is_exit_free and self._own.has_arrived and self._is_at_place(0):
+            self._visited, self._aside = self._waypoint, self._own.region
+            self._own = replace(self._own, out=True)
             self._publish_held()
+
+    def _farthest_onward(self, fresh: dict[str, Report]) -> Point | None:
+        """Returns the farthest point of the path beyond the route that no other robot needs; None if there is none.
+
+        The robot can head for it in a straight line that stays near the path: navigation then neither slows down at
+        the end of the route, nor finds a different way.
+        """
+        if self._own.out or not self.route or self._waypoint is None:
+            return None
+        path = self._plan.paths[self._own.robot]
+        needed = self._neighbours.needed(self._plan, fresh)
+        places = self._roadmap.places
+        points = [*self.route, *(places[place] for place in self._track_beyond_route())]
+        count = len(self.route)
+        for index in range(self._taken + 1, min(self._taken + 1 + self._config.horizon, len(path))):
+            is_next = all(self._has_left(*wait[2:], path[index]) for wait in self._waits(index))
+            if path[index] in needed or not is_next:
+                break
+            points.append(places[path[index]])
+        else:
+            if self._is_exit_free and points[-1] == places[path[-1]]:
+                points.append(self._waypoint)
+        ahead = (index for index in range(len(points) - 1, count - 1, -1))
+        return next(
+            (points[index] for index in ahead if self._leads_straight(points[: index + 1], needed)),
+            None,
+        )
+
+    def _track_beyond_route(self) -> list[int]:
+        """Returns the places taken since the route was made."""
+        end = self.route[-1]
+        positions = [self._roadmap.places[place] for place in self._track]
+        return self._track[positions.index(end) + 1 :] if end in positions else []
+
+    def _leads_straight(self, points: Sequence[Point], needed: Collection[int]) -> bool:
+        """Returns whether the robot can drive straight to the last of these points, near all of them.
+
+        It keeps clear of the places that others need, and of the ways that lead to these.
+        """
+        own, end = self._own.position, points[-1]
+        if any(distance_to_segment(point, own, end) > _BAND for point in points):
+            return False
+        space = self._roadmap.space
+        if space is not None and not space.sees(own, end, self._roadmap.config.driving_radius):
+            return False
+        if not self._is_way_free(own, end):
+            return False
+        return not needed or self._roadmap.near(own, end).isdisjoint(needed)
 
     def _visit(self) -> None:
         """Drives to the waypoint off the roadmap, and back once the waypoint changes."""

@@ -155,6 +155,16 @@ class Neighbours:
             held |= self.foresight.may_hold(report, self._heard_at[report.robot])
         return held
 
+    def needed(self, plan: Plan, fresh: dict[str, Report]) -> set[int]:
+        """Returns the places that any other robot holds or will pass by a plan, or may hold outside it."""
+        places = self.held_outside(plan, fresh)
+        for report in self.of(plan):
+            places.update(report.held)
+            passed = max(0, report.reached) if report.adopted == plan.id else 0
+            places.update(plan.paths[report.robot][passed:])
+            places.update(plan.regions.get(report.robot, ()))
+        return places
+
     def strays(self) -> list[Point]:
         """Returns the positions of robots that are away from what they hold, or that hold nothing."""
         return [report.position for report in self.reports.values() if self._is_stray(report)]
@@ -206,10 +216,10 @@ def hear_one_another(plan: Plan, own: str, fresh: dict[str, Report]) -> bool:
 
 
 def ground_wanted(report: Report) -> tuple[int, ...]:
-    """Returns the places that a robot off the roadmap uses, or that it waits for at its goal."""
+    """Returns the places that a robot off the roadmap uses, or that it will need at the goal to which it drives."""
     if report.out:
         return report.held[:-1]
-    return report.region if report.has_arrived else ()
+    return report.region if report.has_taken_goal else ()
 
 
 def _needs_room(report: Report, plan: Plan, held: Collection[int]) -> bool:

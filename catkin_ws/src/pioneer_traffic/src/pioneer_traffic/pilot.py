@@ -60,6 +60,7 @@ class _Stretch:
     number: int
     stop: Point
     final: bool
+    onward: bool  #: whether it leads beyond the places that the robot holds
     active: bool = True
     reached: bool = False
     retry_at: float = math.inf
@@ -313,14 +314,22 @@ class Pilot:
         """Sends move_base to the end of the route, if that has changed."""
         coordinator = self._coordinator
         position = inputs.position
-        if self.held or coordinator is None or position is None or not inputs.present:
+        if self.held or coordinator is None or not inputs.present:
             return
+        if position is None:
+            # Nobody sees any more how far the robot has come beyond what it holds.
+            coordinator.onward = None
+            position = coordinator.report.position
+            if self._stretch is None or not (self._stretch.active and self._stretch.onward):
+                return
         route = coordinator.route
         if not route:
             self._cancel_stretch()
             return
         if self._goal is None and not coordinator.makes_way:
             return
+        if coordinator.onward is not None:
+            route = [*route, coordinator.onward]
         stop, final = self._stop_of(route)
         if self._has_stop(stop, final, position, now):
             return
@@ -328,7 +337,7 @@ class Pilot:
         if stands and not final and len(route) == 1 and self._is_at(stop, inputs):
             return
         self._stretches += 1
-        self._stretch = _Stretch(self._stretches, stop, final)
+        self._stretch = _Stretch(self._stretches, stop, final, coordinator.onward is not None)
         before = route[-2] if len(route) > 1 else position
         self._actions.append(Drive(self._stretches, stop, before, final))
 

@@ -45,7 +45,7 @@ def planned(
     asked = {
         report.robot: report
         for report in ordered
-        if report.out or (report.has_arrived and report.region)
+        if report.out or (report.has_taken_goal and report.region)
     }
     vacated = set[int]()
     for name in denied:

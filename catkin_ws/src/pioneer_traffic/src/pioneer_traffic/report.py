@@ -69,6 +69,11 @@ class Report:
         return self.held[-1] if self.held else -1
 
     @property
+    def has_taken_goal(self) -> bool:
+        """Whether it may drive to its goal's place, and will have to leave the roadmap there if it has a region."""
+        return self.goal >= 0 and self.stop == self.goal
+
+    @property
     def has_arrived(self) -> bool:
         """Whether it has reached its goal's place, where it may have to leave the roadmap."""
         return self.goal >= 0 and self.held == (self.goal,)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pioneer_traffic.coordinator import Coordinator
 from pioneer_traffic.report import Plan, PlanId, Report
 from pioneer_traffic.roadmap import Roadmap
-from pioneer_traffic.simulation import Trial
+from pioneer_traffic.simulation import TICK, Trial
 
 
 def lattice(drawing: list[str]) -> Roadmap:
@@ -317,6 +317,49 @@ def test_a_robot_off_the_roadmap_does_not_return_to_its_place_before_the_next_wa
     assert one.report.ready.number == number + 1
     assert trial.bodies[0].y > 0.3
     assert trial.run(60.0).reached == 2
+
+
+def test_a_robot_alone_heads_beyond_what_it_holds_and_at_the_end_for_its_waypoint() -> None:
+    """It slowed down before each place at the end of what it held, and stopped at the last one."""
+    one = Coordinator("a", ROW)
+    waypoint = (6.0, 0.4)
+    one.set_waypoint(waypoint, 0.0)
+    x, headed = 0.0, []
+    for tick in range(200):
+        one.advance((x, 0.0), 0.2 * tick)
+        if one.onward is not None:
+            headed.append(one.onward)
+            assert one.onward[0] - x > 1.5 or one.onward == waypoint
+        if one.route and x < 5.8:
+            x += 0.1
+    assert headed[0] == ROW.places[6]
+    assert headed[-1] == waypoint
+    assert one.report.out
+    assert one.route == [waypoint]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_robots_head_for_beyond_what_they_hold_is_needed_by_no_other(seed: int) -> None:
+    generator = random.Random(seed)
+    count = generator.randint(2, 6)
+    starts = generator.sample(ROOMS.places, count)
+    tours = [generator.sample(ROOMS.places, 3) for _ in starts]
+    trial = Trial(ROOMS, None, starts, tours, seed=seed)
+    seen = 0
+    while trial.time < 60.0:
+        trial.step()
+        for index, one in enumerate(trial.coordinators):
+            has_advanced = (trial._steps + index) % TICK == 0
+            if one.onward is None or not has_advanced:
+                continue
+            seen += 1
+            ground = ROOMS.near(one.report.position, one.onward)
+            for other in trial.coordinators:
+                report = other.report
+                if other is not one and report.adopted == one.report.adopted:
+                    path = other._plan.paths[report.robot]
+                    assert ground.isdisjoint({*report.held, *path[max(0, report.reached) :]})
+    assert seen > 0
 
 
 def test_one_waypoint_after_the_other_is_reached_from_one_place() -> None:

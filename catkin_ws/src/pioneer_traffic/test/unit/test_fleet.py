@@ -136,6 +136,16 @@ def fleet_of(robots: int, seed: int) -> Fleet:
     return Fleet(ROOMS, generator.sample(ROOMS.places, robots), tours, seed)
 
 
+@pytest.mark.parametrize(("robots", "seed"), [(7, 5), (5, 23)])
+def test_robots_that_head_straight_beyond_what_they_hold_touch_nobody(
+    robots: int, seed: int
+) -> None:
+    """They touched others on the ways beside their paths."""
+    fleet = fleet_of(robots, seed)
+    fleet.finish(900.0)
+    assert not fleet._touching
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_goals_that_coincide_are_reached_one_after_the_other(seed: int) -> None:
     fleet = fleet_of(5, seed)

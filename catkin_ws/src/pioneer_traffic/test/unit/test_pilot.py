@@ -131,7 +131,7 @@ def test_a_goal_beside_a_place_is_reached_from_its_far_side() -> None:
     """The robot stopped within move_base's tolerance of the goal, too far from the place: it waited for ever."""
     robot = Robot()
     robot.step(NewRoadmap(ROW), NewGoal((6.13, 0.0)))
-    while robot.stop is None or not robot.stop.final:
+    while robot.stop is None or not robot.stop.final or robot.position < (5.5, 0.0):
         robot.step()
     robot.goes = False
     robot.position = (6.37, 0.0)
@@ -147,6 +147,17 @@ STOPS = {
     "by stamp": CancelRequested(stamp=20_000.0),
     "another client of move_base": MoveBaseTaken("/rviz"),
 }
+
+
+def test_a_robot_that_loses_its_position_drives_no_farther_than_to_what_it_holds() -> None:
+    """Beyond that, it may head only while the others hear where it is."""
+    robot = driving_robot()
+    assert robot.stop is not None
+    assert robot.stop.stop[0] > robot.reports[-1].held[-1]
+    robot.position = None
+    robot.run(5.0)
+    assert robot.stop is not None
+    assert robot.stop.stop[0] <= robot.reports[-1].held[-1]
 
 
 def test_the_next_goal_does_not_begin_with_a_way_back_to_a_place() -> None:
