@@ -74,6 +74,13 @@ def test_every_option_arrives():
     )  # fmt: skip
 
 
+def test_noise_has_a_name():
+    assert parsed().noise == "described"
+    assert parsed("--noise", "realistic").noise == "realistic"
+    with pytest.raises(OptionError, match="--noise"):
+        parsed("--noise", "real")
+
+
 def test_what_is_recorded_arrives():
     line = "--record run.mcap --record-topics /clock /tf* --record-split 500"
     config = parsed(*line.split(" "))

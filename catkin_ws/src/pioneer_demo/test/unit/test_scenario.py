@@ -91,6 +91,7 @@ def test_options_replace_what_the_file_says() -> None:
         ),
         ("parameters:\n  move_base/controller_frequency: 0.0", ":2: move_base: ~controller_freq"),
         ("parameters:\n  /rosout/x: 1", ":2: /rosout/x is not a parameter of a robot's node"),
+        ("seed: 1\nnoise: real", ":2: noise must be described or realistic, not 'real'"),
         ("seed: 1\nseed: 2", ":2: field seed is given twice"),
         ("world: [", ":1: invalid YAML"),
         ("&a [*a]", "contains itself"),
@@ -143,6 +144,13 @@ def test_a_robot_whose_link_has_faults_has_a_network_of_its_own_in_wall_time(
         config("lossy_network", "--lockstep")
     with pytest.raises(OptionError, match="--record: the robots' masters cannot be reached"):
         config("lossy_network", "--record", str(tmp_path / "run.bag"))
+
+
+def test_realistic_noise_is_asked_of_the_simulator(tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text("noise: realistic")
+    started = {one.name: one for one in commands(config(str(path)), Ports(1, 2, 3, (4, 5)))}
+    assert "noise:=realistic" in started["simulator"].argv
 
 
 def test_a_scenario_may_ask_for_lockstep(tmp_path: Path) -> None:

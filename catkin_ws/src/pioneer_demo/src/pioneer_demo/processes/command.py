@@ -91,6 +91,7 @@ def commands(config: FleetConfig, ports: Ports) -> list[Command]:
         f"real_time_factor:={'lockstep' if config.lockstep else f'{config.real_time_factor:g}'}",
         *((f"lockstep_rings:={' '.join(config.rings)}",) if config.rings else ()),
         f"seed:={config.seed}",
+        *(() if config.noise == "described" else (f"noise:={config.noise}",)),
         "skip:=false",
         *_parameters(config, SIMULATOR_PARAMETERS),
     )

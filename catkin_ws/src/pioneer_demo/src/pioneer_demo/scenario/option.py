@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar, NoReturn, Self
 
 from pioneer_demo.error import OptionError
-from pioneer_demo.scenario.scenario import Fault, Goal, Scenario, Success
+from pioneer_demo.scenario.scenario import NOISES, Fault, Goal, Scenario, Success
 from pioneer_node.core.fleet_file import NO_NAVIGATION, RobotEntry
 
 OBSERVER = "fleet_observer"
@@ -46,6 +46,7 @@ class FleetConfig:
     token: str = ""  #: login token of the dashboard
     ros2: bool = False  #: whether to open the door to ROS 2
     entries: tuple[RobotEntry, ...] = ()  #: the robots of a scenario; written as the fleet file
+    noise: str = "described"  #: least noise of all robots, one of ``NOISES``
     #: node parameters, by name in each robot's namespace or as ``/gazebo/NAME``
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     programs: tuple[
@@ -212,7 +213,7 @@ def scenario_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
     given["lockstep"] = given["lockstep"] or said.lockstep
     if given["lockstep"]:
         options["real_time_factor"] = None
-    fields = ("world", "waypoints", "traffic", "limit")
+    fields = ("world", "waypoints", "traffic", "limit", "noise")
     values = {
         **given,
         **options,
@@ -358,6 +359,9 @@ def _add_common(parser: Parser, worlds: Sequence[str]) -> None:
         help=f"{', '.join(worlds)}, or a .world file with its map beside it (default %(default)s)")  # fmt: skip
     add("--seed", type=int, default=default.seed, metavar="S",
         help="of sensor noise, filters and a demo's waypoints (default %(default)s)")  # fmt: skip
+    add("--noise", choices=NOISES, default=default.noise,
+        help="least noise of all robots: that of their descriptions, where encoders are perfect, or realistic noise "
+        "(pioneer_gazebo's README)")  # fmt: skip
     add("--rtf", dest="real_time_factor", type=float, metavar="R",
         help="real-time factor to hold, 0 = as fast as possible (default: 1, or less where that is more than the "
         "processors sustain)")  # fmt: skip

@@ -12,6 +12,9 @@ from pioneer_node.core.fleet_file import RobotEntry, check_robots
 HUB, BASE = "hub", "base station"
 """Names in faults for the hub's computer and the base station's gateway, in addition to robot names."""
 
+NOISES = ("described", "realistic")
+"""Profiles of the simulator's noise."""
+
 Goal = tuple[float, ...]
 """x, y [m] in ``map`` and an optional heading [degrees]; without it the heading is that of the approach."""
 
@@ -154,6 +157,9 @@ class Scenario:
     navigation: str = (
         ""  #: YAML file of move_base parameters for robots without their own; empty for none
     )
+    noise: str = (
+        "described"  #: least noise of all robots: that of their descriptions, or ``realistic``
+    )
     #: node parameters, by name in each robot's namespace (``amcl/min_particles``) or as ``/gazebo/NAME``
     parameters: dict[str, Any] = dataclasses.field(default_factory=dict)
     programs: tuple[
@@ -169,6 +175,8 @@ class Scenario:
             object.__setattr__(self, "robots", _named(self.robots))
         if not 1 <= self.rounds <= 1000:
             raise DocumentError(f"rounds must be 1 to 1000, not {self.rounds}", "rounds")
+        if self.noise not in NOISES:
+            raise DocumentError(f"noise must be {' or '.join(NOISES)}, not {self.noise!r}", "noise")
         for number, fault in enumerate(self.faults):
             special = ((HUB,) if fault.kill else ()) + ((BASE,) if fault.freeze else ())
             known = (*self.names, *special)

@@ -16,6 +16,7 @@ from pioneer_gazebo.ros.mailbox import Mailbox
 from pioneer_gazebo.ros.topic import TransformTopic, publish_while_alive
 from pioneer_gazebo.services.state_services import StateServices
 from pioneer_gazebo.services.world_services import WorldServices
+from pioneer_gazebo.simulation.noise_profile import PROFILES
 from pioneer_gazebo.simulation.schedule import TICK_RATE
 from pioneer_gazebo.simulation.simulation import Simulation
 from pioneer_gazebo.timeline import Timeline
@@ -57,6 +58,7 @@ class GazeboConfig:
     state_rate: float = 50.0
     odometry_error: float = 0.0
     odometry_scale: float = 1.0
+    noise: str = "described"
     spawn_search: float = 0.5
     gui: bool = False
     lockstep: dict[str, Any] | None = None
@@ -76,6 +78,8 @@ class GazeboConfig:
                 "~odometry_error must not be negative and ~odometry_scale must be above 0, "
                 f"not {self.odometry_error} and {self.odometry_scale}"
             )
+        if self.noise not in PROFILES:
+            raise ParameterError(f"~noise must be {' or '.join(PROFILES)}, not {self.noise!r}")
         if not 0 <= self.spawn_search <= 10:
             raise ParameterError(f"~spawn_search must be 0 … 10 m (got {self.spawn_search})")
         if not self.physics_rate > 0:
@@ -123,6 +127,7 @@ class GazeboNode:
             config.seed,
             config.odometry_error,
             config.odometry_scale,
+            PROFILES[config.noise],
         )
         self._simulation.spawn_search = config.spawn_search
         models = tuple(with_controllers(model) for model in world.models)

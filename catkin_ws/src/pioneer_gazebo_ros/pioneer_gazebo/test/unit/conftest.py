@@ -10,6 +10,7 @@ import pytest
 
 from pioneer_gazebo.physics.bullet import BulletEngine
 from pioneer_gazebo.physics.engine import Physics
+from pioneer_gazebo.simulation.noise_profile import DESCRIBED, NoiseProfile
 from pioneer_gazebo.simulation.simulation import Simulation
 from pioneer_gazebo.world.mesh import triangles_of_mesh
 from pioneer_gazebo.world.model import Box, Collision, Link, Model, Plane, World
@@ -123,12 +124,16 @@ def simulate() -> Iterator[MakeSimulation]:
     engines: list[BulletEngine] = []
 
     def make(
-        *models: Model, seed: int = 0, odometry_error: float = 0.0, odometry_scale: float = 1.0
+        *models: Model,
+        seed: int = 0,
+        odometry_error: float = 0.0,
+        odometry_scale: float = 1.0,
+        noise: NoiseProfile = DESCRIBED,
     ) -> Simulation:
         engine = BulletEngine()
         engines.append(engine)
         simulation = Simulation(
-            engine, triangles_of_mesh, Physics(), seed, odometry_error, odometry_scale
+            engine, triangles_of_mesh, Physics(), seed, odometry_error, odometry_scale, noise
         )
         simulation.load(World("test", (floor(), *models)))
         return simulation

@@ -29,6 +29,7 @@ from pioneer_gazebo.fleet.fleet import (
 from pioneer_gazebo.fleet.pose_file import poses_of_world, read_poses, robots_of_file
 from pioneer_gazebo.fleet.session import LaunchFile, Session, SessionError, run_command, succeeds
 from pioneer_gazebo.lockstep.lockstep import LOCKSTEP
+from pioneer_gazebo.simulation.noise_profile import PROFILES
 from pioneer_gazebo.world.pose import quaternion_from_rpy
 from pioneer_gazebo.world.resource import map_path, package_directory, world_path
 from pioneer_launch import door
@@ -55,6 +56,10 @@ class SimulationOptions:
         FACTOR,
     )
     seed: int = option(0, "of every random number of the simulation")
+    noise: str = option(
+        "described",
+        "least noise of every robot: described (only that of their descriptions) or realistic",
+    )
     map_name: str = option(
         "",
         "map in pioneer_gazebo/map; empty for the world's, which is beside a .world file of your own",
@@ -101,6 +106,8 @@ def options_from(arguments: Sequence[str], environ: Mapping[str, str]) -> Simula
     options = options_from_arguments(SimulationOptions, arguments, environ, **defaults)
     if options.map_name and options.map_file:
         raise ArgumentError("map_name and map_file are two maps: give one")
+    if options.noise not in PROFILES:
+        raise ArgumentError(f"noise must be {' or '.join(PROFILES)}, not {options.noise!r}")
     if options.lockstep and not door.is_on():
         raise ArgumentError(door.LOCKSTEP_REFUSED)
     return options
@@ -149,6 +156,7 @@ def launch_files(
         "real_time_factor": LOCKSTEP if options.lockstep else str(options.real_time_factor),
         "lockstep_rings": options.lockstep_rings,
         "seed": str(options.seed),
+        "noise": options.noise,
         "parameters": options.parameters,
         "paused": "true",
     }

@@ -10,6 +10,7 @@ from pioneer_gazebo.noise import Noise
 from pioneer_gazebo.physics.engine import STILL, Engine, JointReading, Velocity
 from pioneer_gazebo.simulation.command import CommandQueue, Moment
 from pioneer_gazebo.simulation.drive import Drive, Odometry, check_motion
+from pioneer_gazebo.simulation.noise_profile import DESCRIBED, NoiseProfile
 from pioneer_gazebo.world.model import Script
 from pioneer_gazebo.world.pose import IDENTITY, Pose, Quaternion, heading, rotated
 from pioneer_gazebo.world.robot import (
@@ -276,7 +277,9 @@ def noise_of(entity: Entity, device: Device, seed: int) -> Noise:
     return Noise(seed, entity.name, device.name, str(number))
 
 
-def equip(entity: Entity, seed: int, error: float, scale: float) -> None:
+def equip(
+    entity: Entity, seed: int, error: float, scale: float, profile: NoiseProfile = DESCRIBED
+) -> None:
     """Adds the drives and ray sensors of an entity's robot, if it is one.
 
     Args:
@@ -284,6 +287,7 @@ def equip(entity: Entity, seed: int, error: float, scale: float) -> None:
         seed: of the sensors' noise and the errors in the wheel diameters assumed by odometry.
         error: standard deviation of these errors, relative to the diameter.
         scale: mean ratio of assumed to true diameter.
+        profile: least noise of drives and lasers.
     """
     if (robot := entity.robot) is None:
         return
@@ -291,7 +295,9 @@ def equip(entity: Entity, seed: int, error: float, scale: float) -> None:
     frames = body.frames()
 
     def driven(config: DiffDrive) -> Driven:
-        errors = noise_of(entity, config, seed).at(0).standard_normal(2) * error
+        errors = noise_of(entity, config, seed).at(0).standard_normal(2) * max(
+            error, profile.wheel_diameter
+        )
         drive = Drive(config, *(scale * (1.0 + float(error)) for error in errors))
         left, right = (tuple(body.joint_index(joint) for joint in side) for side in config.joints())
         is_left_right = frames[left[0]].position[1] < frames[right[0]].position[1]
@@ -302,7 +308,10 @@ def equip(entity: Entity, seed: int, error: float, scale: float) -> None:
 
     def mounted(device: LaserSensor | SonarSensor) -> Mounted:
         part, at = body.part_of(device.link)
-        config = laser_of_sonar(device) if isinstance(device, SonarSensor) else device
+        if isinstance(device, SonarSensor):
+            config = laser_of_sonar(device)
+        else:
+            config = profile.applied(device, Noise(seed, entity.name, device.name, "bias"))
         laser = Laser(config, noise_of(entity, device, seed))
         return Mounted(device, laser, part, at.compose(device.pose))
 

@@ -37,6 +37,7 @@ from pioneer_gazebo.simulation.motion import (
     interpolated,
     part_motion,
 )
+from pioneer_gazebo.simulation.noise_profile import DESCRIBED, NoiseProfile
 from pioneer_gazebo.simulation.scene import Scene, Seen
 from pioneer_gazebo.simulation.schedule import TICK_RATE, period_of
 from pioneer_gazebo.simulation.spot import added
@@ -70,7 +71,7 @@ class Simulation:
 
     def __init__(
         self, engine: Engine, triangles: Triangles, physics: Physics, seed: int = 0,
-        odometry_error: float = 0.0, odometry_scale: float = 1.0,
+        odometry_error: float = 0.0, odometry_scale: float = 1.0, noise: NoiseProfile = DESCRIBED,
     ) -> None:  # fmt: skip
         """Starts an empty world at tick 0.
 
@@ -81,6 +82,7 @@ class Simulation:
             seed: of all noise.
             odometry_error: standard deviation of the wheel diameters assumed by odometry, relative to the diameter.
             odometry_scale: mean ratio of assumed to true wheel diameter.
+            noise: least noise of every robot.
         """
         self._engine = engine
         self._triangles = triangles
@@ -90,6 +92,7 @@ class Simulation:
             odometry_error,
             odometry_scale,
         )
+        self._noise = noise
         self._entities: dict[str, Entity] = {}
         self._by_handle: dict[int, Entity] = {}
         self._standing = Standing(engine, self._scene, triangles)
@@ -228,7 +231,7 @@ class Simulation:
         handle, pose = found
         entity = self._keep(Entity(name, namespace, body, handle, pose, robot, after=pose))
         try:
-            equip(entity, self._seed, self._odometry_error, self._odometry_scale)
+            equip(entity, self._seed, self._odometry_error, self._odometry_scale, self._noise)
         except SimulatorError:
             self.remove(name)
             raise
