@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
@@ -218,3 +219,82 @@ def test_numbers_out_of_range_are_refused(pioneer: Robot, options: dict[str, flo
     (name,) = options
     with pytest.raises(ValueError, match=f"{name} must be"):
         PioneerParallelEnv("small_world", description=pioneer, **options)  # type: ignore[arg-type]
+
+
+def test_gymnasium_makes_the_environment_by_its_name(pioneer: Robot) -> None:
+    env = gymnasium.make("Pioneer-v0", world="small_world", description=pioneer, limit=3)
+    env.reset(seed=1)
+    *_, terminated, truncated, info = [env.step(np.zeros(2, np.float32)) for _ in range(3)][-1]
+    assert (terminated, truncated) == (False, True)
+    assert info["is_success"] is False
+    env.close()
+
+
+def test_observations_have_finite_bounds_and_may_be_normalised(pioneer: Robot) -> None:
+    start, goal = [(0.0, -3.0, 0.0)], [(4.0, -3.0)]
+    seen = {}
+    for normalised in (False, True):
+        env = PioneerEnv(description=pioneer, starts=start, goals=goal, normalised=normalised)
+        space = env.observation_space
+        assert np.isfinite(space.low).all()
+        assert np.isfinite(space.high).all()
+        env.reset(seed=1)
+        for _ in range(10):
+            observation, *_ = env.step(np.array([1.0, 0.2], np.float32))
+            assert space.contains(observation)
+        seen[normalised] = observation
+        env.close()
+    scale = [10.0, 1.0, 1.0, 0.7, 1.5]
+    assert seen[True][-EXTRA:] * scale == pytest.approx(seen[False][-EXTRA:], abs=1e-3)
+    assert np.abs(seen[True]).max() <= 1.0
+
+
+def test_a_robot_at_its_goal_in_the_last_step_is_terminated_and_not_truncated(
+    pioneer: Robot,
+) -> None:
+    env = PioneerEnv(description=pioneer, **STRAIGHT)
+    env.reset(seed=1)
+    steps = 0
+    terminated = False
+    while not terminated:
+        *_, terminated, _, info = env.step(np.array([1.0, 0.0], np.float32))
+        steps += 1
+    assert info["is_success"] is True
+    env.close()
+    env = PioneerEnv(description=pioneer, **{**STRAIGHT, "limit": steps})
+    env.reset(seed=1)
+    ends = [env.step(np.array([1.0, 0.0], np.float32))[2:4] for _ in range(steps)]
+    assert ends[-1] == (True, False)
+    env.close()
+
+
+def test_an_episode_may_have_starts_and_goals_of_its_own(pioneer: Robot) -> None:
+    env = PioneerEnv("small_world", description=pioneer)
+    own = {"starts": [(0.0, -3.0, 0.0)], "goals": [(3.0, -3.0)]}
+    observation, _ = env.reset(seed=1, options=own)
+    assert observation[-EXTRA:-2] == pytest.approx([3.0, 0.0, 1.0], abs=1e-3)
+    drawn, _ = env.reset(seed=1)
+    assert abs(float(drawn[-EXTRA]) - 3.0) > 1e-3
+    with pytest.raises(ValueError, match="goals must be 1, one a robot, not 2"):
+        env.reset(options={"goals": [(3.0, -3.0), (1.0, 1.0)]})
+    env.close()
+
+
+@pytest.mark.parametrize(
+    "action",
+    [np.zeros(3, np.float32), np.zeros((2, 1), np.float32), np.float32(1.0), [math.nan, 0.0]],
+)
+def test_an_action_that_is_not_two_numbers_is_refused(pioneer: Robot, action: Any) -> None:
+    env = PioneerEnv("small_world", description=pioneer)
+    env.reset(seed=1)
+    with pytest.raises(ValueError, match="the action of pioneer1 must be two numbers"):
+        env.step(action)
+    env.close()
+
+
+def test_an_agent_without_an_action_is_named(pioneer: Robot) -> None:
+    env = PioneerParallelEnv("small_world", 2, description=pioneer)
+    env.reset(seed=1)
+    with pytest.raises(ValueError, match="pioneer2 has no action"):
+        env.step({"pioneer1": np.zeros(2, np.float32)})
+    env.close()

@@ -35,7 +35,7 @@ from pioneer_gazebo.world.urdf import robot_from_urdf
 from pioneer_node.core.reach import clearance, connected
 
 try:
-    from gymnasium import Env, spaces
+    from gymnasium import Env, register, spaces
     from gymnasium.error import ResetNeeded
     from pettingzoo import ParallelEnv
 except ImportError as error:
@@ -52,6 +52,11 @@ Speed and turn rate are those of the odometry, as the wheels report them.
 
 Place = tuple[float, float]
 """x, y in the world [m]."""
+
+FARTHEST, FASTEST, QUICKEST = 1000.0, 10.0, 50.0
+"""Bounds of an observation's distance [m], speed [m/s] and turn rate [rad/s], beyond those of any robot here."""
+_FAR = 10.0
+"""Distance from which on a normalised observation no longer changes [m]."""
 
 _CLEARANCE, _APART = 0.45, 1.2
 _SHORTEST_STEP = 0.01
@@ -87,7 +92,7 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
     An observation is float32: the scan's ranges divided by the laser's maximum range (1 for no hit), then `EXTRA`
     values. An action is two values in -1 … 1: fractions of the maximum speed and turn rate, or of the maximum wheel
     speed. An agent is terminated at its goal, and truncated with all others after ``limit`` steps. Runs with the same
-    seed are bit-identical.
+    seed are bit-identical. An info has ``state`` (`State`) and ``is_success``.
     """
 
     metadata = {"name": "pioneer_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012 - PettingZoo's form
@@ -96,7 +101,7 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         self, world: str = "small_world", robots: int = 2, *, description: Robot | None = None,
         starts: Sequence[tuple[float, float, float]] = (), goals: Sequence[tuple[float, float]] = (),
         reward: Reward = progress_reward, step: float = 0.1, limit: int = 600, tolerance: float = 0.3,
-        fastest: float = 0.7, quickest: float = 1.5, wheels: bool = False,
+        fastest: float = 0.7, quickest: float = 1.5, wheels: bool = False, normalised: bool = False,
     ) -> None:  # fmt: skip
         """Reads world and robot.
 
@@ -112,6 +117,8 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
             tolerance: distance to a goal at which it is reached [m].
             fastest: speed of the action 1 [m/s].
             quickest: turn rate of the action 1 [rad/s].
+            normalised: whether all values of an observation are in -1 … 1: the distance in 10 m, speed and turn rate
+                in those of the action 1, each clipped.
             wheels: whether an action is the left and right wheels' rim speeds, as fractions of ``fastest``.
 
         Raises:
@@ -129,9 +136,9 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         for name, value in (("tolerance", tolerance), ("fastest", fastest), ("quickest", quickest)):
             if not 0.0 < value < math.inf:
                 raise ValueError(f"{name} must be above 0 and finite, not {value:g}")
-        for name, given in (("starts", starts), ("goals", goals)):
-            if given and len(given) != robots:
-                raise ValueError(f"{name} must be {robots}, one a robot, not {len(given)}")
+        self.possible_agents = [f"pioneer{number}" for number in range(1, robots + 1)]
+        self._check_number("starts", starts)
+        self._check_number("goals", goals)
         path = world_path(world)
         self._world, self._free = (
             world_from_sdf(path, model_path()),
@@ -143,13 +150,16 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         # A goal within tolerance would end the episode in its first step.
         self._nearest_goal = 2.0 * tolerance
         self._most, self._wheels = np.array([fastest, fastest if wheels else quickest]), wheels
-        self.possible_agents = [f"pioneer{number}" for number in range(1, robots + 1)]
         self.agents = list[str]()
         laser = self._robot.lasers[0]
         self._reach = laser.max_range
-        low = np.concatenate([np.zeros(laser.samples + 1), np.full(EXTRA - 1, -1.0)])
-        high = np.concatenate([np.ones(laser.samples), [np.inf], np.ones(EXTRA - 1)])
-        low[-2:], high[-2:] = -np.inf, np.inf
+        self._normalised = normalised
+        self._scale = np.array([_FAR, 1.0, 1.0, fastest, quickest])
+        most = np.ones(EXTRA) if normalised else np.array([FARTHEST, 1.0, 1.0, FASTEST, QUICKEST])
+        least = np.array([0.0, *-most[1:]])
+        self._bounds = least, most
+        low = np.concatenate([np.zeros(laser.samples), least])
+        high = np.concatenate([np.ones(laser.samples), most])
         self._observations = spaces.Box(low.astype("f4"), high.astype("f4"))
         self._actions = {
             agent: spaces.Box(-1.0, 1.0, (2,), np.float32) for agent in self.possible_agents
@@ -169,8 +179,22 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Array], dict[str, dict[str, Any]]]:
-        """Starts an episode in a new world; without a seed, the random sequence continues."""
-        del options
+        """Starts an episode in a new world; without a seed, the random sequence continues.
+
+        Args:
+            seed: of the episode.
+            options: ``starts`` and ``goals`` of this episode, as for the constructor; others have no effect.
+
+        Raises:
+            ValueError: there is not one for each robot, or a random one is needed and the map was not read.
+        """
+        given = options or {}
+        starts = given.get("starts", self._starts)
+        goals = given.get("goals", self._goals_given)
+        self._check_number("starts", starts)
+        self._check_number("goals", goals)
+        if not (starts and goals) and self._free is None:
+            raise ValueError("starts and goals must both be given: the map was not read")
         if seed is not None:
             self._rng = np.random.default_rng(seed)
         self.close()
@@ -183,25 +207,40 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         self.agents = list(self.possible_agents)
         self._entities = dict[str, Entity]()
         self._goals = dict[str, tuple[float, float]]()
-        places = self._places()
+        places = self._places(starts, goals)
         for number, agent in enumerate(self.agents):
-            self._entities[agent] = self._spawned(number, places)
+            self._entities[agent] = self._spawned(number, places, starts)
             self._goals[agent] = places[number][1]
         self._count, self._distances = 0, {agent: self._distance(agent) for agent in self.agents}
         return {agent: self._observation(agent) for agent in self.agents}, {
             agent: {} for agent in self.agents
         }
 
-    def _places(self) -> list[tuple[Place, Place]]:
+    def _check_number(self, name: str, given: Sequence[Any]) -> None:
+        """Raises ValueError unless there is none, or one for each robot."""
+        robots = len(self.possible_agents)
+        if len(given) not in (0, robots):
+            raise ValueError(f"{name} must be {robots}, one a robot, not {len(given)}")
+
+    def _places(
+        self,
+        given_starts: Sequence[tuple[float, float, float]],
+        given_goals: Sequence[tuple[float, float]],
+    ) -> list[tuple[Place, Place]]:
         """Returns each robot's start and goal."""
-        starts = [(float(x), float(y)) for x, y, _ in self._starts]
-        goals = [(float(x), float(y)) for x, y in self._goals_given]
-        if self._free is None:
+        starts = [(float(x), float(y)) for x, y, _ in given_starts]
+        goals = [(float(x), float(y)) for x, y in given_goals]
+        if self._free is None or (starts and goals):
             return list(zip(starts, goals, strict=True))
         nothing = [None] * len(self.possible_agents)
         return self._free.places(self._rng, starts or nothing, goals or nothing, self._nearest_goal)
 
-    def _spawned(self, number: int, places: list[tuple[Place, Place]]) -> Entity:
+    def _spawned(
+        self,
+        number: int,
+        places: list[tuple[Place, Place]],
+        starts: Sequence[tuple[float, float, float]],
+    ) -> Entity:
         """Spawns a robot at its start; a random start that somebody occupies is drawn again, also in ``places``.
 
         Raises:
@@ -209,7 +248,7 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         """
         agent = self.possible_agents[number]
         turned = float(self._rng.uniform(-math.pi, math.pi))
-        yaw = float(self._starts[number][2]) if self._starts else turned
+        yaw = float(starts[number][2]) if starts else turned
         rotation = quaternion_from_rpy(0.0, 0.0, yaw)
         for _ in range(_DRAWS):
             (x, y), _ = places[number]
@@ -218,7 +257,7 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
                     agent, agent, self._robot, Pose((x, y, 0.0), rotation)
                 )
             except ModelError:
-                if self._starts:
+                if starts:
                     raise
                 # The map does not show what moves, such as people.
                 places[number] = self._drawn_again(number, places)
@@ -245,11 +284,12 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
 
         Raises:
             ResetNeeded: no episode runs.
+            ValueError: an agent has no action, or one that is not two numbers.
         """
         if not self.agents:
             raise ResetNeeded("no episode runs: call reset first")
-        for agent in self.agents:
-            speed, turn = map(float, np.clip(actions[agent], -1.0, 1.0) * self._most)
+        commands = {agent: self._command(agent, actions) for agent in self.agents}
+        for agent, (speed, turn) in commands.items():
             drive = self._entities[agent].drives[0]
             if self._wheels:
                 speed, turn = (
@@ -266,15 +306,29 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
             for agent in self.agents
         }
         ended = {agent: state.reached for agent, state in states.items()}
-        late = dict.fromkeys(self.agents, self._count >= self._limit)
+        late = {agent: self._count >= self._limit and not ended[agent] for agent in self.agents}
         rewards = {agent: float(self._reward(state)) for agent, state in states.items()}
         infos: dict[str, dict[str, Any]] = {
-            agent: {"state": state} for agent, state in states.items()
+            agent: {"state": state, "is_success": state.reached} for agent, state in states.items()
         }
         for agent in [agent for agent in self.agents if ended[agent]]:
             self._entities[agent].drives[0].command(self._simulation.moment, 0.0, 0.0)
         self.agents = [agent for agent in self.agents if not (ended[agent] or late[agent])]
         return observations, rewards, ended, late, infos
+
+    def _command(self, agent: str, actions: dict[str, Array]) -> tuple[float, float]:
+        """Returns the speeds that an agent's action commands.
+
+        Raises:
+            ValueError: there is none, or it is not two numbers.
+        """
+        if agent not in actions:
+            raise ValueError(f"{agent} has no action")
+        action = np.asarray(actions[agent], dtype=np.float64)
+        if action.shape != (2,) or not np.isfinite(action).all():
+            raise ValueError(f"the action of {agent} must be two numbers, not {actions[agent]!r}")
+        first, second = np.clip(action, -1.0, 1.0) * self._most
+        return float(first), float(second)
 
     def close(self) -> None:
         """Frees the physics engine."""
@@ -293,17 +347,21 @@ class PioneerParallelEnv(ParallelEnv[str, Array, Array]):  # type: ignore[misc]
         bearing = math.atan2(goal[1] - y, goal[0] - x) - pose.yaw
         motion = entity.drives[0].drive.odometry
         ranges = np.clip(self._simulation.ranges(entity, entity.lasers[0]) / self._reach, 0.0, 1.0)
-        extra = (
-            math.dist((x, y), goal),
-            math.sin(bearing),
-            math.cos(bearing),
-            motion.speed,
-            motion.turn,
+        extra = np.array(
+            [
+                math.dist((x, y), goal),
+                math.sin(bearing),
+                math.cos(bearing),
+                motion.speed,
+                motion.turn,
+            ]
         )
-        return np.concatenate([ranges, extra], dtype=np.float32)
+        if self._normalised:
+            extra /= self._scale
+        return np.concatenate([ranges, np.clip(extra, *self._bounds)], dtype=np.float32)
 
     def _state(self, agent: str, observation: Array, collided: bool) -> State:
-        distance = float(observation[-EXTRA])
+        distance = self._distance(agent)
         progress, self._distances[agent] = self._distances[agent] - distance, distance
         entity = self._entities[agent]
         pose = self._simulation.pose(entity)
@@ -351,6 +409,9 @@ class PioneerEnv(Env[Array, Array]):  # type: ignore[misc]
     def close(self) -> None:
         """Frees the physics engine."""
         self._env.close()
+
+
+register(id="Pioneer-v0", entry_point=PioneerEnv)
 
 
 def pioneer() -> Robot:
