@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,6 +26,18 @@ class Recording:
         folder.mkdir(parents=True, exist_ok=True)
         self._process: subprocess.Popen[str] | None = None
         self._file = ""
+        self._fault = ""
+        self._lock = threading.Lock()
+
+    @property
+    def fault(self) -> str:
+        """Why the last recording has ended without being asked to, such as a full disk; empty otherwise."""
+        # The page's commands and its clock ask in threads of their own.
+        with self._lock:
+            if self._process is not None and self._process.poll():
+                self._fault = self._last_line(self._process)
+                self._process = None
+            return self._fault
 
     @property
     def file(self) -> str:
@@ -48,10 +61,13 @@ class Recording:
             *self._masters,
         ]
         try:
-            self._process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+            self._process = subprocess.Popen(
+                words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+            )
         except OSError as error:
             raise CommandError(f"{path} cannot be recorded: {error.strerror}") from None
         self._file = str(path)
+        self._fault = ""
         return f"recording to {path}"
 
     def stop(self) -> str:
@@ -60,6 +76,9 @@ class Recording:
         Raises:
             CommandError: no recording is running, or the recorder failed.
         """
+        if fault := self.fault:
+            self._fault = ""
+            raise CommandError(fault)
         process, self._process = self._process, None
         if process is None:
             raise CommandError("nothing is being recorded")
@@ -73,11 +92,26 @@ class Recording:
             ) from None
         if process.returncode:
             raise CommandError(
-                f"{self._file}: the recorder ended with exit status {process.returncode}; see the log"
+                _last_line_of(said)
+                or f"{self._file}: the recorder ended with exit status {process.returncode}"
             )
         return said.strip()
+
+    def _last_line(self, process: subprocess.Popen[str]) -> str:
+        """Returns the last line of a recorder that has ended."""
+        said, _ = process.communicate(timeout=_END)
+        return (
+            _last_line_of(said)
+            or f"{self._file}: the recorder ended with exit status {process.returncode}"
+        )
 
     def close(self) -> None:
         """Finishes the recording, if one is running."""
         if self.file:
             self.stop()
+
+
+def _last_line_of(text: str) -> str:
+    """Returns the last line that is not empty; empty if there is none."""
+    lines = text.strip().splitlines()
+    return lines[-1] if lines else ""

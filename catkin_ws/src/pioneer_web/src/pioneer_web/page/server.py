@@ -350,7 +350,9 @@ class Server:
 
     def _values(self) -> tuple[list[str], dict[str, Any]]:
         """Returns the robots' names and all values. Waits for the feed's lock, so not for the event loop."""
-        self._feed.station.recording = self._commander.recording.file
+        recording = self._commander.recording
+        self._feed.station.recording = recording.file
+        self._feed.station.recording_fault = recording.fault
         with self._feed.lock:
             station = self._feed.station
             now = time.monotonic()

@@ -22,6 +22,8 @@ LEVELS = {1: "debug", 2: "info", 4: "warning", 8: "error", 16: "fatal"}
 _LARGEST = 1e15
 SETTLING = 3.0
 """Time after the subscriptions begin in which missing data is no alert [s]."""
+_RECORDING = "recording"
+"""Who has an alert that is of no robot."""
 STANDS = 1.0
 """Time without a clock change after which the simulation counts as paused [s]."""
 
@@ -47,6 +49,7 @@ class Station:
             None  #: real-time factor of the simulator, None without one
         )
         self.recording = ""  #: recording file, empty while not recording
+        self.recording_fault = ""  #: why the last recording has ended by itself; empty otherwise
         #: position in and length of the replayed recording [s], None without one
         self.replay: list[float] | None = None
         self.rules: list[dict[str, str]] = []
@@ -146,7 +149,8 @@ class Station:
         return found
 
     def note_faults(self, now: float, wall: float) -> None:
-        """Adds the robots' faults to the alerts, at ``now`` (monotonic) and ``wall`` (seconds since 1970)."""
+        """Adds what is wrong to the alerts, at ``now`` (monotonic) and ``wall`` (seconds since 1970)."""
+        self._alerts.update(_RECORDING, self.recording_fault, wall)
         if now - self.watched_since < SETTLING:
             return
         faults = self.robot_faults(now)
