@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 import rosgraph
+import yaml
 
 from pioneer_gazebo.fleet.argument import ArgumentError, option, options_from_arguments
 from pioneer_gazebo.fleet.drawn_map import read_map
@@ -138,11 +139,17 @@ def start_pose(options: NavigationOptions, world: str) -> tuple[InitialPose, Pat
     return pose, poses
 
 
-def navigate(session: Session, options: NavigationOptions) -> None:
+def navigate(session: Session, options: NavigationOptions, folder: Path) -> None:
     """Starts the robot's navigation and keeps it running until shutdown is requested.
+
+    Args:
+        session: the command's.
+        options: of the command line.
+        folder: for files of its own.
 
     Raises:
         SessionError: the base station simulates another world than ``options`` specify.
+        DescriptionError: the footprint is to be that of the description, which is invalid.
     """
     wanted = Path(options.world_name).stem
     if wanted:
@@ -163,6 +170,8 @@ def navigate(session: Session, options: NavigationOptions) -> None:
     robot, _ = entry_of(options)
     if options.navigation:
         robot = replace(robot, navigation=options.navigation)
+    elif robot.description and not robot.navigation:
+        robot = replace(robot, navigation=str(_write_footprint(session, robot, folder)))
     lockstep = options.real_time_factor == LOCKSTEP
     session.launch(
         launch_files(robot, pose, str(poses), options.traffic, options.parameters, lockstep)
@@ -182,6 +191,20 @@ def navigate(session: Session, options: NavigationOptions) -> None:
         session.say("topics are pulled and flipped")
         _check_world(world, _world_here(session, master))
     session.spin()
+
+
+def _write_footprint(session: Session, robot: RobotEntry, folder: Path) -> Path:
+    """Writes move_base parameters with the footprint of a robot's description; returns the file."""
+    # Loading scipy takes long, and Pioneers have no need of it.
+    from pioneer_gazebo.fleet.fleet_description import expanded, fleet_description, footprint
+
+    described = fleet_description(expanded(Path(robot.description)), robot.laser)
+    corners = footprint(described.text)
+    session.say(f"the footprint of {robot.name} is that of its description: {corners}")
+    costmap = {"footprint": corners}
+    path = folder / "footprint.yaml"
+    path.write_text(yaml.safe_dump({"global_costmap": costmap, "local_costmap": costmap}))
+    return path
 
 
 def _world_here(session: Session, master: rosgraph.Master) -> str:
@@ -204,4 +227,5 @@ def main(argv: Sequence[str] | None = None) -> int:
         # amcl is restarted if it dies; it then resumes at the robot's current pose.
         os.environ.setdefault(CORRECTION, f"{folder}/correction.json")
         read = partial(options_from, environ=os.environ, host=host_name())
-        return run_command(NAME, NavigationOptions, read, navigate, argv)
+        run = partial(navigate, folder=Path(folder))
+        return run_command(NAME, NavigationOptions, read, run, argv)

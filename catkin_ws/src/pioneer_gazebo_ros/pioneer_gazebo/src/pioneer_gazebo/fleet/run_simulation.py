@@ -189,7 +189,7 @@ def launch_files(
 
 
 def _robot_arguments(robot: RobotEntry) -> dict[str, str]:
-    own = {"description": robot.description} if robot.description else {}
+    own = {"description": robot.description, "laser": robot.laser} if robot.description else {}
     return {"name": robot.name, "spawn": "false", "state_publisher": "false", **own}
 
 
