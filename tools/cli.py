@@ -47,6 +47,10 @@ def show_help(command: str) -> None:
         from pioneer_fleet.recording.replay_option import parser
 
         parser().parse_args(["--help"])
+    elif command == "check":
+        import check_files
+
+        check_files.parser().parse_args(["--help"])
     elif command == "bench":
         sys.path.append(str(SOURCE / "pioneer_bench" / "src"))
         from pioneer_bench.__main__ import main as bench

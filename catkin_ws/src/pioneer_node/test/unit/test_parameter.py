@@ -103,3 +103,13 @@ def test_frames_resolve_as_tf_does() -> None:
     assert resolved("/pioneer1/", "odom") == "pioneer1/odom"
     assert resolved("pioneer1", "/map") == "map"
     assert resolved("", "odom") == "odom"
+
+
+def test_all_warnings_of_a_context_can_be_collected(caplog: pytest.LogCaptureFixture) -> None:
+    with UNKNOWN.noted() as warnings:
+        config_from_mapping(LaserConfig, {"beam": 3, "beams": 4.4}, "collected")
+    assert warnings == [
+        "collected: unknown parameter ~beam; did you mean ~beams? It has no effect.",
+        "collected: parameter ~beams is 4.4, taken as 4.",
+    ]
+    assert not caplog.records

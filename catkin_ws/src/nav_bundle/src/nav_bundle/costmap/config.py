@@ -191,6 +191,8 @@ _OF_LAYERS = frozenset(
     {*_VOXELS, *_OF_STATIC, *_OF_OBSTACLES, *_OF_INFLATION, *_OF_SOURCES, *_CLASSIC, "plugins"}
 )
 """costmap_2d's names in a costmap's namespace that set no field of ``CostmapConfig``."""
+NAMES = frozenset({each.name for each in fields(CostmapConfig)} | _OF_LAYERS)
+"""All names in a costmap's namespace, of ``CostmapConfig`` and of layers."""
 _COPIED: dict[type[Any], tuple[str, ...]] = {
     StaticConfig: (
         "map_topic",

@@ -24,6 +24,7 @@ class UnknownNames:
         self.strict = False  #: whether to raise an error instead
         self._reported: set[str] = set()
         self._collected: list[str] | None = None
+        self._noted: list[str] | None = None
 
     @contextlib.contextmanager
     def collected(self) -> Iterator[list[str]]:
@@ -33,6 +34,15 @@ class UnknownNames:
             yield self._collected
         finally:
             self._collected = before
+
+    @contextlib.contextmanager
+    def noted(self) -> Iterator[list[str]]:
+        """Within this context every warning is added to the list that it yields; nothing is logged or refused."""
+        before, self._noted = self._noted, []
+        try:
+            yield self._noted
+        finally:
+            self._noted = before
 
     def report(self, owner: str, name: str, known: Collection[str], above: str = "") -> None:
         """Logs a warning that suggests the closest ``known`` name; ``above`` is their namespace with trailing slash.
@@ -63,6 +73,10 @@ class UnknownNames:
         self._warn(text, "")
 
     def _warn(self, text: str, consequence: str) -> None:
+        if self._noted is not None:
+            line = f"{text if text.endswith('?') else f'{text}.'}{consequence}"
+            self._noted.extend([line] if line not in self._noted else [])
+            return
         if self._collected is not None:
             return
         if self.strict:
