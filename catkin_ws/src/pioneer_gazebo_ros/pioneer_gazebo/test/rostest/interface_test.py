@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """Gazebo's complete ROS interface: what is offered, and what each service and setter does to a robot and a box."""
 
+import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -66,6 +68,15 @@ def until(found: Callable[[], bool], what: str) -> None:
         assert time.monotonic() < end, what
 
 
+DOOR = """<sdf version="1.6"><model name="door"><link name="post"><pose>0 0 0.5 0 0 0</pose>
+<inertial><mass>50</mass></inertial>
+<collision name="c"><geometry><box><size>0.2 0.2 1.0</size></box></geometry></collision></link>
+<link name="leaf"><pose>0.6 0 0.6 0 0 0</pose><inertial><mass>1</mass></inertial>
+<collision name="c"><geometry><box><size>0.8 0.02 0.8</size></box></geometry></collision></link>
+<joint name="hinge" type="revolute"><parent>post</parent><child>leaf</child><pose>-0.45 0 0 0 0 0</pose>
+<axis><xyz>0 0 1</xyz><limit><lower>-1</lower><upper>1</upper></limit></axis></joint></model></sdf>"""
+
+
 class InterfaceTest(unittest.TestCase):
     """A robot and a box, both spawned by spawn_model, which unpauses the simulation with the second one."""
 
@@ -127,6 +138,34 @@ class InterfaceTest(unittest.TestCase):
         until(lambda: self.world().sim_time > 0.2, "time goes")
         names = self.world().model_names
         assert names.index("pioneer1") < names.index("box")
+
+    def test_spawn_model_takes_the_other_arguments_of_gazebo_ros_script(self) -> None:
+        """A model of the model path stays as long as the script runs; a door is spawned half open."""
+        with tempfile.TemporaryDirectory() as folder:
+            model = Path(folder) / "crate"
+            model.mkdir()
+            (model / "model.sdf").write_text(BOX)
+            (Path(folder) / "door.sdf").write_text(DOOR)
+            words = ["-sdf", "-package_to_model", "-b", "-database", "crate", "-model", "crate"]
+            bonded = subprocess.Popen(
+                ["rosrun", "pioneer_gazebo", "spawn_model", *words, "-x", "-3"],
+                env={**os.environ, "GAZEBO_MODEL_PATH": folder},
+            )
+            try:
+                until(lambda: "crate" in self.world().model_names, "the crate is there")
+                words = ["-sdf", "-file", f"{folder}/door.sdf", "-model", "door", "-x", "-6"]
+                words += ["-J", "hinge", "0.7"]
+                spawn = ["rosrun", "pioneer_gazebo", "spawn_model", *words]
+                subprocess.run(spawn, check=True, timeout=PATIENCE)
+                assert bonded.poll() is None
+            finally:
+                bonded.send_signal(signal.SIGINT)
+                bonded.wait(PATIENCE)
+        until(lambda: "crate" not in self.world().model_names, "the crate is gone")
+        properties = service("get_joint_properties", srv.GetJointProperties)
+        [position] = properties("door::hinge").position
+        assert abs(position - 0.7) < 0.05, position
+        assert service("delete_model", srv.DeleteModel)("door").success
 
     def test_models_links_and_joints_have_their_properties(self) -> None:
         properties = service("get_model_properties", srv.GetModelProperties)

@@ -2,10 +2,18 @@
 
 import argparse
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import rospy
-from gazebo_msgs.srv import GetWorldProperties, SpawnModel, SpawnModelRequest
+from gazebo_msgs.srv import (
+    DeleteModel,
+    GetWorldProperties,
+    SetModelConfiguration,
+    SetModelConfigurationRequest,
+    SpawnModel,
+    SpawnModelRequest,
+)
 from geometry_msgs.msg import Point, Pose, Quaternion
 from std_srvs.srv import Empty
 
@@ -13,8 +21,10 @@ from pioneer_gazebo.error import SimulatorError, SpawnError
 from pioneer_gazebo.fleet.drawn_map import read_map
 from pioneer_gazebo.fleet.fleet import InitialPose, check_place, initial_pose
 from pioneer_gazebo.fleet.pose_file import poses_of_world, read_poses
+from pioneer_gazebo.world.element import Notes
 from pioneer_gazebo.world.pose import quaternion_from_rpy
-from pioneer_gazebo.world.resource import map_path, world_path
+from pioneer_gazebo.world.resource import map_path, model_path, world_path
+from pioneer_gazebo.world.sdf import model_file
 
 WAIT_WORDS_PERIOD = 5.0
 """Interval between log lines while waiting [s]."""
@@ -29,6 +39,11 @@ def parser() -> argparse.ArgumentParser:
     source = result.add_mutually_exclusive_group(required=True)
     source.add_argument("-param", metavar="NAME", help="read the model from a ROS parameter")
     source.add_argument("-file", type=Path, metavar="FILE", help="read the model from a file")
+    source.add_argument(
+        "-database",
+        metavar="NAME",
+        help="read the model NAME along the model path (GAZEBO_MODEL_PATH)",
+    )
     source.add_argument("-stdin", action="store_true", help="read the model from standard input")
     result.add_argument("-model", required=True, metavar="NAME", help="name of the model")
     result.add_argument(
@@ -39,6 +54,23 @@ def parser() -> argparse.ArgumentParser:
     )
     result.add_argument(
         "-gazebo_namespace", default="/gazebo", metavar="NS", help="of the simulator's services"
+    )
+    result.add_argument(
+        "-J",
+        dest="joints",
+        action="append",
+        nargs=2,
+        default=[],
+        metavar=("JOINT", "POSITION"),
+        help="put a joint at a position [rad or m]; may be given several times",
+    )
+    result.add_argument(
+        "-b", dest="bond", action="store_true", help="stay, and delete the model at the end"
+    )
+    result.add_argument(
+        "-package_to_model",
+        action="store_true",
+        help="without effect: package:// in a model is found as it is",
     )
     result.add_argument("-unpause", action="store_true", help="unpause the simulation afterwards")
     result.add_argument("-wait", metavar="MODEL", help="wait until this model exists")
@@ -89,14 +121,49 @@ def model_xml(options: argparse.Namespace) -> str:
     if options.stdin:
         return sys.stdin.read()
     if options.file is not None:
-        try:
-            return options.file.read_text()
-        except OSError as error:
-            raise SpawnError(f"cannot read {options.file}: {error.strerror}") from error
+        return _text_of(options.file)
+    if options.database is not None:
+        return _text_of(database_file(options.database))
     try:
         return str(rospy.get_param(options.param))
     except KeyError:
         raise SpawnError(f"there is no parameter {options.param}") from None
+
+
+def _text_of(file: Path) -> str:
+    try:
+        return file.read_text()
+    except OSError as error:
+        raise SpawnError(f"cannot read {file}: {error.strerror}") from error
+
+
+def database_file(name: str) -> Path:
+    """Returns the SDF file of a model on the model path.
+
+    Raises:
+        SpawnError: there is no such model; the message says where it was searched.
+    """
+    folders = model_path()
+    found = next((folder / name for folder in folders if (folder / name).is_dir()), None)
+    if found is None:
+        searched = ", ".join(map(str, folders))
+        raise SpawnError(f"no model {name} in {searched}: put it there, or set GAZEBO_MODEL_PATH")
+    return model_file(found, Notes())
+
+
+def joint_positions(words: Sequence[Sequence[str]]) -> dict[str, float]:
+    """Returns the positions [rad or m] of ``-J JOINT POSITION``.
+
+    Raises:
+        SpawnError: a position is no number.
+    """
+    positions: dict[str, float] = {}
+    for joint, text in words:
+        try:
+            positions[joint] = float(text)
+        except ValueError:
+            raise SpawnError(f"-J {joint}: {text!r} is no number") from None
+    return positions
 
 
 def wait_for_service(name: str, timeout: float) -> None:
@@ -138,6 +205,7 @@ def spawn(options: argparse.Namespace) -> None:
         SpawnError: the model's text cannot be read, or the simulator refused the request.
         SimulatorError: no robot can start there.
     """
+    positions = joint_positions(options.joints)
     place = place_of(options)
     namespace = (
         rospy.get_namespace() if options.robot_namespace is None else options.robot_namespace
@@ -155,8 +223,31 @@ def spawn(options: argparse.Namespace) -> None:
     if not response.success:
         raise SpawnError(response.status_message)
     rospy.loginfo("%s", response.status_message)
+    if positions:
+        _set_joints(options, positions)
     if options.unpause:
         rospy.ServiceProxy(f"{options.gazebo_namespace}/unpause_physics", Empty)()
+
+
+def _set_joints(options: argparse.Namespace, positions: Mapping[str, float]) -> None:
+    """Puts the model's joints at their positions.
+
+    Raises:
+        SpawnError: the model has no such joint; it stays in the world.
+    """
+    name = f"{options.gazebo_namespace}/set_model_configuration"
+    request = SetModelConfigurationRequest(options.model, "", [*positions], [*positions.values()])
+    response = rospy.ServiceProxy(name, SetModelConfiguration)(request)
+    if not response.success:
+        raise SpawnError(f"it is spawned, but {response.status_message}")
+
+
+def delete_at_the_end(options: argparse.Namespace) -> None:
+    """Waits for this node's end, and deletes the model."""
+    rospy.loginfo("%s is deleted when this ends (Ctrl-C)", options.model)
+    delete = rospy.ServiceProxy(f"{options.gazebo_namespace}/delete_model", DeleteModel)
+    rospy.on_shutdown(lambda: delete(options.model))
+    rospy.spin()
 
 
 def main() -> int:
@@ -170,4 +261,6 @@ def main() -> int:
     except (SimulatorError, rospy.ServiceException) as error:
         rospy.logerr("%s not spawned: %s", options.model, error)
         return 1
+    if options.bond:
+        delete_at_the_end(options)
     return 0

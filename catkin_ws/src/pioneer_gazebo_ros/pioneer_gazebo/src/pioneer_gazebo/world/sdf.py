@@ -370,7 +370,7 @@ def _overridden(model: Model, include: Element, frames: Frames) -> Model:
 
 
 def _model_from_directory(path: Path, uri: Element, scope: Scope, depth: int) -> Model | None:
-    file = _model_file(path, scope.notes) if path.is_dir() else path
+    file = model_file(path, scope.notes) if path.is_dir() else path
     inner = dataclasses.replace(scope, directory=file.parent)
     root = _sdf(content_of(file), str(file), inner)
     model = _lone_model(root, inner, depth)
@@ -381,7 +381,7 @@ def _model_from_directory(path: Path, uri: Element, scope: Scope, depth: int) ->
     raise uri.error(f"{file} holds no <model>")
 
 
-def _model_file(directory: Path, notes: Notes) -> Path:
+def model_file(directory: Path, notes: Notes) -> Path:
     """Returns the file with the newest supported version in ``model.config``, or ``model.sdf``."""
     manifest = directory / "model.config"
     if not manifest.is_file():
