@@ -10,7 +10,8 @@ import pytest
 
 from pioneer_gazebo.body.body import body_from_robot
 from pioneer_gazebo.error import DescriptionError
-from pioneer_gazebo.fleet.fleet_description import fleet_description, footprint
+from pioneer_gazebo.fleet.fleet_description import fleet_description
+from pioneer_gazebo.fleet.footprint import footprint
 from pioneer_gazebo.world.mesh import triangles_of_mesh
 from pioneer_gazebo.world.robot import DiffDrive, GroundTruth, JointStatePublisher, PlanarMove
 from pioneer_gazebo.world.urdf import robot_from_urdf

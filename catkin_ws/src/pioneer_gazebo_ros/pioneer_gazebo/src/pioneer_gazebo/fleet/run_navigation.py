@@ -196,7 +196,8 @@ def navigate(session: Session, options: NavigationOptions, folder: Path) -> None
 def _write_footprint(session: Session, robot: RobotEntry, folder: Path) -> Path:
     """Writes move_base parameters with the footprint of a robot's description; returns the file."""
     # Loading scipy takes long, and Pioneers have no need of it.
-    from pioneer_gazebo.fleet.fleet_description import expanded, fleet_description, footprint
+    from pioneer_gazebo.fleet.fleet_description import expanded, fleet_description
+    from pioneer_gazebo.fleet.footprint import footprint
 
     described = fleet_description(expanded(Path(robot.description)), robot.laser)
     corners = footprint(described.text)
