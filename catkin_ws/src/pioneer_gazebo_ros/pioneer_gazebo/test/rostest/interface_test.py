@@ -38,6 +38,9 @@ SERVICES = {
     "get_joint_properties": "GetJointProperties",
     "apply_body_wrench": "ApplyBodyWrench",
     "clear_body_wrenches": "BodyRequest",
+    "apply_joint_effort": "ApplyJointEffort",
+    "clear_joint_forces": "JointRequest",
+    "clear_joint_efforts": "JointRequest",
     "get_physics_properties": "GetPhysicsProperties",
     "set_physics_properties": "SetPhysicsProperties",
 }
@@ -165,6 +168,11 @@ class InterfaceTest(unittest.TestCase):
         properties = service("get_joint_properties", srv.GetJointProperties)
         [position] = properties("door::hinge").position
         assert abs(position - 0.7) < 0.05, position
+        push = service("apply_joint_effort", srv.ApplyJointEffort)
+        assert push("hinge", -2.0, rospy.Time(), rospy.Duration(-1)).success
+        until(lambda: properties("door::hinge").position[0] < 0.3, "the door closes")
+        service("clear_joint_forces", srv.JointRequest)("hinge")
+        assert not push("no_such_joint", 1.0, rospy.Time(), rospy.Duration(1)).success
         assert service("delete_model", srv.DeleteModel)("door").success
 
     def test_models_links_and_joints_have_their_properties(self) -> None:

@@ -190,7 +190,7 @@ def test_a_wrench_without_end_is_cleared_with_its_link(
         Wrench(entity, 0, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0, math.inf)
     )
     simulation.advance(120)
-    simulation.clear_pushes(entity, 0)
+    simulation.clear_pushes(Wrench, entity, 0)
     count = len(engine.pushed)
     simulation.advance(240)
     assert len(engine.pushed) == count == 10

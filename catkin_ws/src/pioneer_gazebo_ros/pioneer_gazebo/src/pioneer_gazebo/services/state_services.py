@@ -16,7 +16,7 @@ from pioneer_gazebo.ros import messages
 from pioneer_gazebo.ros.mailbox import serve
 from pioneer_gazebo.ros.topic import Topic
 from pioneer_gazebo.simulation import state
-from pioneer_gazebo.simulation.actor import Wrench
+from pioneer_gazebo.simulation.actor import Effort, Wrench
 from pioneer_gazebo.simulation.entity import Entity
 from pioneer_gazebo.simulation.schedule import TICK_RATE, nanoseconds
 from pioneer_gazebo.timeline import Timeline
@@ -70,6 +70,9 @@ class StateServices:
             ("get_joint_properties", srv.GetJointProperties, self._joint_properties),
             ("apply_body_wrench", srv.ApplyBodyWrench, self._push),
             ("clear_body_wrenches", srv.BodyRequest, self._clear),
+            ("apply_joint_effort", srv.ApplyJointEffort, self._apply_effort),
+            ("clear_joint_forces", srv.JointRequest, self._clear_efforts),
+            ("clear_joint_efforts", srv.JointRequest, self._clear_efforts),
         ):
             serve(name, service, handler, self._mailbox)
 
@@ -241,15 +244,31 @@ class StateServices:
             messages.vector_from_message(request.wrench.force),
             messages.vector_from_message(request.wrench.torque),
         )
-        first = max(self._simulation.tick, request.start_time.to_sec() * TICK_RATE)
-        duration = request.duration.to_sec()
-        last = math.inf if duration < 0 else first + duration * TICK_RATE
+        first, last = self._time_of(request)
         self._simulation.push(Wrench(entity, part, force, torque, None, first, last))
         return "wrench applied"
 
+    def _time_of(
+        self, request: srv.ApplyBodyWrenchRequest | srv.ApplyJointEffortRequest
+    ) -> tuple[float, float]:
+        """Returns the ticks at which a push begins and ends."""
+        first = max(self._simulation.tick, request.start_time.to_sec() * TICK_RATE)
+        duration = request.duration.to_sec()
+        return first, math.inf if duration < 0 else first + duration * TICK_RATE
+
     def _clear(self, request: srv.BodyRequestRequest) -> None:
         entity, part = self._moving(request.body_name)
-        self._simulation.clear_pushes(entity, part)
+        self._simulation.clear_pushes(Wrench, entity, part)
+
+    def _apply_effort(self, request: srv.ApplyJointEffortRequest) -> str:
+        entity, part, _ = self._find_joint(request.joint_name)
+        first, last = self._time_of(request)
+        self._simulation.push(Effort(entity, part, request.effort, first, last))
+        return "effort applied"
+
+    def _clear_efforts(self, request: srv.JointRequestRequest) -> None:
+        entity, part, _ = self._find_joint(request.joint_name)
+        self._simulation.clear_pushes(Effort, entity, part)
 
 
 def _checked(name: str) -> str:

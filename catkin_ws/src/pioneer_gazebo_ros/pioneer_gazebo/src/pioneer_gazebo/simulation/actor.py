@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from pioneer_gazebo.physics.engine import STILL, Engine, Velocity
 from pioneer_gazebo.simulation.entity import Entity
 from pioneer_gazebo.simulation.schedule import TICK_RATE
+from pioneer_gazebo.world import joint as kinds
 from pioneer_gazebo.world.model import Script
-from pioneer_gazebo.world.pose import Pose, Vector, scaled
+from pioneer_gazebo.world.pose import Pose, Vector, opposite, rotated, scaled
 
 FASTEST = 10.0
 """Faster script motion [m/s], such as from its end back to its start, is a jump: the model pushes nothing away."""
@@ -81,29 +82,68 @@ class Wrench:
     first: float
     last: float
 
-    def share_of(self, begin: int, end: int) -> float:
-        """Returns the part (0 … 1) of the time between two ticks during which it acts."""
-        acts = min(self.last, end) - max(self.first, begin)
-        return max(0.0, acts) / (end - begin)
+    def push(self, engine: Engine, share: float) -> None:
+        """Applies a ``share`` (0 … 1) of it in the next step."""
+        force, torque = scaled(self.force, share), scaled(self.torque, share)
+        engine.push(self.entity.handle, self.part, force, torque, self.point)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Effort:
+    """A force [N] or torque [N m] along the joint that moves a part, from one tick to another."""
+
+    entity: Entity
+    part: int
+    effort: float
+    first: float
+    last: float
+
+    def push(self, engine: Engine, share: float) -> None:
+        """Applies a ``share`` (0 … 1) of it in the next step, to the part and against its parent."""
+        handle = self.entity.handle
+        moved = self.entity.body.parts[self.part]
+        joint = moved.joint
+        if joint is None:
+            raise AssertionError(f"no joint moves {moved.name}")
+        at = engine.pose(handle, self.part)
+        along = scaled(rotated(at.rotation, joint.axis), share * self.effort)
+        for part, push in ((self.part, along), (moved.parent, opposite(along))):
+            if joint.kind == kinds.PRISMATIC:
+                engine.push(handle, part, push, _NONE, at.position)
+            else:
+                engine.push(handle, part, _NONE, push, None)
+
+
+_NONE = (0.0, 0.0, 0.0)
+
+
+def _share(push: Wrench | Effort, begin: int, end: int) -> float:
+    """Returns the part (0 … 1) of the time between two ticks during which a push acts."""
+    acts = min(push.last, end) - max(push.first, begin)
+    return max(0.0, acts) / (end - begin)
 
 
 class Wrenches:
-    """All active and pending wrenches."""
+    """All active and pending wrenches and efforts."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
-        self._wrenches: list[Wrench] = []
+        self._wrenches: list[Wrench | Effort] = []
 
-    def add(self, wrench: Wrench) -> None:
-        """Adds a wrench."""
+    def add(self, wrench: Wrench | Effort) -> None:
+        """Adds a wrench or an effort."""
         self._wrenches.append(wrench)
 
-    def clear(self, entity: Entity | None = None, part: int | None = None) -> None:
-        """Ends all wrenches, those on an entity, or those on one of its parts."""
+    def clear(self, entity: Entity | None = None) -> None:
+        """Ends all wrenches and efforts, or those on an entity."""
+        self._wrenches = [one for one in self._wrenches if entity not in (None, one.entity)]
+
+    def clear_part(self, kind: type[Wrench | Effort], entity: Entity, part: int) -> None:
+        """Ends the wrenches, or the efforts, on a part."""
         self._wrenches = [
             one
             for one in self._wrenches
-            if not (entity in (None, one.entity) and part in (None, one.part))
+            if not (isinstance(one, kind) and one.entity is entity and one.part == part)
         ]
 
     def push(self, begin: int, end: int) -> None:
@@ -114,8 +154,6 @@ class Wrenches:
         if self._wrenches:
             self._wrenches = [one for one in self._wrenches if one.last > begin]
         for one in self._wrenches:
-            share = one.share_of(begin, end)
+            share = _share(one, begin, end)
             if share > 0.0:
-                force = scaled(one.force, share)
-                torque = scaled(one.torque, share)
-                self._engine.push(one.entity.handle, one.part, force, torque, one.point)
+                one.push(self._engine, share)

@@ -17,7 +17,7 @@ from pioneer_gazebo.error import ModelError, SimulatorError
 from pioneer_gazebo.noise import Noise
 from pioneer_gazebo.physics import bound
 from pioneer_gazebo.physics.engine import STILL, Contact, Engine, JointReading, Physics, Velocity
-from pioneer_gazebo.simulation.actor import Actors, Wrench, Wrenches
+from pioneer_gazebo.simulation.actor import Actors, Effort, Wrench, Wrenches
 from pioneer_gazebo.simulation.command import Moment
 from pioneer_gazebo.simulation.drive import Odometry
 from pioneer_gazebo.simulation.entity import (
@@ -546,15 +546,18 @@ class Simulation:
             driven.moved_joint(part, self._joints(entity))
         self._scene.outdate()
 
-    def push(self, wrench: Wrench) -> None:
-        """Applies a wrench for its duration, from the next step on; raises BoundError if it is out of bounds."""
-        bound.check_wrench(wrench.force, wrench.torque, wrench.point or (0.0, 0.0, 0.0))
+    def push(self, wrench: Wrench | Effort) -> None:
+        """Applies a push for its duration, from the next step on; raises BoundError if it is out of bounds."""
+        if isinstance(wrench, Effort):
+            bound.check("effort", (wrench.effort,), bound.STRONGEST, "N m or N")
+        else:
+            bound.check_wrench(wrench.force, wrench.torque, wrench.point or (0.0, 0.0, 0.0))
         late = max(0.0, self._stepped - wrench.first)
         self._wrenches.add(replace(wrench, first=wrench.first + late, last=wrench.last + late))
 
-    def clear_pushes(self, entity: Entity, part: int) -> None:
-        """Ends all wrenches on a part."""
-        self._wrenches.clear(entity, part)
+    def clear_pushes(self, kind: type[Wrench | Effort], entity: Entity, part: int) -> None:
+        """Ends all wrenches on a part, or all efforts of the joint that moves it."""
+        self._wrenches.clear_part(kind, entity, part)
 
     def reset_poses(self) -> None:
         """Returns every model to its initial pose, at rest, with odometry at the origin. Time continues."""
