@@ -11,6 +11,7 @@ import rospkg
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from pioneer_node.adapters.heap import keep_freed_memory
 from pioneer_node.adapters.node_handle import NodeHandle
 from pioneer_node.adapters.node_process import NodeProcess
 from pioneer_node.core.parameter import config_from_mapping
@@ -399,6 +400,7 @@ def _rules_from_file(name: str) -> Rules:
 
 def main() -> int:
     """Entry point of the executable ``ros2_door``."""
+    keep_freed_memory()
     process = NodeProcess(sys.argv, (DoorError,), wall_time=True)
     context: NodeContext = process.context
     name = process.own_name("ros2_door")
