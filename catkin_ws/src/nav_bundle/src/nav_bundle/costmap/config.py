@@ -338,6 +338,10 @@ def _plugin(parameters: Mapping[str, Any], plugin: Any, owner: str) -> tuple[str
             f"{owner}: no such layer {plugin!r}; there are {', '.join(_LAYERS)}. Remove it from ~plugins"
             f"{_instead(plugin)}"
         ) from None
+    for extra in sorted(str(key) for key in plugin.keys() - {"name", "type"}):
+        UNKNOWN.complain(
+            f"{owner}: ~plugins: {extra} of {name} is not read in the list; give it as ~{name}/{extra}"
+        )
     # A layer may have the name of a parameter, such as static_map, which is no namespace then.
     own = _nested(parameters, name)
     copied = {each: parameters[each] for each in _COPIED[kind] if each in parameters}

@@ -10,6 +10,7 @@ from nav_bundle.base.pose import Pose, angle_difference
 from nav_bundle.base.velocity import Velocity
 from nav_bundle.costmap.costmap import Costmap
 from pioneer_node.core.parameter import (
+    UNKNOWN,
     ParameterError,
     WithoutEffect,
     config_from_mapping,
@@ -336,6 +337,14 @@ def recoveries_from_parameters(
     return [*behaviours, *turns, aggressive, *turns]
 
 
+def _report_extra(entry: Mapping[str, Any], name: str) -> None:
+    """Warns of parameters in an entry of the list: a behaviour reads those in its own namespace."""
+    for extra in sorted(str(key) for key in entry.keys() - {"name", "type"}):
+        UNKNOWN.complain(
+            f"~recovery_behaviors: {extra} of {name} is not read in the list; give it as ~{name}/{extra}"
+        )
+
+
 def _recovery(parameters: Mapping[str, Any], entry: Any, reset_distance: float) -> Recovery:
     try:
         name, full = str(entry["name"]), str(entry["type"])
@@ -343,6 +352,7 @@ def _recovery(parameters: Mapping[str, Any], entry: Any, reset_distance: float) 
         raise ParameterError(
             f"~recovery_behaviors needs entries of {{name, type}}, not {entry!r}"
         ) from None
+    _report_extra(entry, name)
     kind = full.split("/")[-1]
     if is_class_name(full):
         try:
