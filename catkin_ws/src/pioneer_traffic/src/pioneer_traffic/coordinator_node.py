@@ -57,7 +57,7 @@ from simple_navigation_goals.move_base import MoveBase
 from simple_navigation_goals.queue import Outcome
 
 _PERIOD = 0.2
-"""Period of reports [s of wall time, or of simulated time in lockstep; this holds for the times below, too]."""
+"""Period of steps [s of wall time, or of simulated time in lockstep; this holds for the times below, too]."""
 _SHORTEST = 0.02
 """Minimum time between two steps when goals and cancels arrive [s]."""
 _COMPLAIN_EVERY = 10.0
@@ -82,7 +82,7 @@ class CoordinatorNode:
         ``move_base/cancel`` (actionlib_msgs/GoalID) and ``move_base/goal`` (move_base_msgs/MoveBaseActionGoal) of
         other nodes, which stop the robot; goals (``nodes.goal_server``).
 
-    Publishes: ``/traffic/reports`` at 5 Hz of wall time; in lockstep, of simulated time. ``traffic/state``
+    Publishes: ``/traffic/reports`` at up to 5 Hz of wall time; in lockstep, of simulated time. ``traffic/state``
         (nav_bundle/NavigationState, latched): what the robot does by the right of way, and why it does not get on.
 
     Actions served: ``traffic`` (move_base_msgs/MoveBaseAction). Called: ``move_base``.

@@ -11,7 +11,7 @@ No ROS, no clock: the caller passes the time [s].
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pioneer_traffic.config import PilotConfig
 from pioneer_traffic.coordinator import Coordinator
@@ -35,6 +35,7 @@ from pioneer_traffic.event import (
     StretchEnded,
 )
 from pioneer_traffic.geometry import Point
+from pioneer_traffic.report import Report
 from pioneer_traffic.roadmap import Roadmap
 from simple_navigation_goals.queue import Outcome
 
@@ -43,6 +44,12 @@ _SAME = 0.05
 _RETRY = 2.0
 """Delay before a stop that move_base gave up is sent again [s]; for a robot without a goal, it doubles each time."""
 _DOUBLINGS = 4
+_BEAT = 0.6
+"""Longest time between two reports [s]: several in a lease. Only what is new for the others is sent sooner."""
+_BEAT_SLACK = 0.05
+"""Part of that by which a step may come too early [s]."""
+_NEW_POSITION = 0.25
+"""Distance by which a robot must move for its position to be new for the others [m]."""
 _MOVED = 0.5
 """Distance by which a robot must move for its movement to count as progress, or as being carried [m]."""
 
@@ -115,6 +122,8 @@ class Pilot:
         self._actions: list[Action] = []
         self._failure = ""  # why the last goal was aborted
         self._inputs: Inputs | None = None  # of the last step
+        self._sent: Report | None = None  # the last report
+        self._sent_at = -math.inf
         self.held = held  #: why the robot stays until the next goal; empty if it does not
 
     @property
@@ -295,10 +304,27 @@ class Pilot:
         if coordinator is None or inputs.position is None:
             return
         coordinator.set_obstacles(inputs.obstacles)
-        self._actions.append(Send(coordinator.advance(inputs.position, now)))
+        self._send(coordinator.advance(inputs.position, now), now)
         stretch = self._stretch
         if coordinator.finished and stretch is not None and stretch.final and stretch.reached:
             self._end_goal(Outcome.REACHED, "Goal reached.")
+
+    def _send(self, report: Report, now: float) -> None:
+        """Sends a report with something new, or if the last one was sent long ago.
+
+        A few centimetres are not new, unless the robot holds no places: then it is an obstacle where it is.
+        """
+        sent = self._sent
+        is_new = (
+            sent is None
+            or not report.held
+            or math.dist(report.position, sent.position) > _NEW_POSITION
+            or replace(report, position=sent.position) != sent
+        )
+        if is_new or not 0.0 <= now - self._sent_at < _BEAT - _BEAT_SLACK:
+            self._sent = report
+            self._sent_at = now
+            self._actions.append(Send(report))
 
     def _watch_hands(self, inputs: Inputs) -> None:
         """Holds a robot that is moved while it has no goal: it is carried, or driven by hand."""

@@ -202,8 +202,10 @@ def test_in_lockstep_a_clock_that_jumps_back_does_not_silence_the_coordinator(
     before = len(robot.reports)
     robot.step(-back)
     assert robot.forgotten == 1
-    robot.step()
-    assert len(robot.reports) == before + 2
+    assert len(robot.reports) == before + 1
+    for _ in range(4):
+        robot.step()
+    assert len(robot.reports) >= before + 2
 
 
 def server_of(clients: set[str], *, preempted: bool = False) -> GoalServer:
