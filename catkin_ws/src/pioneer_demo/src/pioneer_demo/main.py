@@ -99,8 +99,8 @@ def _run(config: FleetConfig, watch: Stopwatch, interrupt: Interrupt) -> int:
         if config.ros2:
             domain = os.environ.get("ROS_DOMAIN_ID", "0")
             print(f"Door to ROS 2: domain {domain}", flush=True)
-        if config.choice:
-            print(config.choice, flush=True)
+        for line in filter(None, (config.choice, config.traffic_line)):
+            print(line, flush=True)
         processes.start()
         watch.note("processes started")
         # Imported while the processes start, because imports such as numpy are slow.
@@ -128,6 +128,7 @@ def _configured(command: str, arguments: Sequence[str]) -> FleetConfig:
             read_scenario,
             _external_of,
             lockstep_refusal="" if door.is_on() else door.LOCKSTEP_REFUSED,
+            traffic_refusal=functools.partial(_traffic_refusal, simulator),
         )
     except (rospkg.ResourceNotFound, OSError) as error:
         raise DemoError(f"the workspace is not built or not sourced: {error}") from error
@@ -156,6 +157,34 @@ def _robots_of(fleet: Path) -> Sequence[RobotEntry]:
         raise OptionError(f"--fleet: {error}") from None
 
 
+def _traffic_refusal(simulator: Path, fleet: Path | None, names: Sequence[str], world: str) -> str:
+    """Returns why a fleet cannot keep the right of way; empty if it can.
+
+    Args:
+        simulator: the folder of pioneer_gazebo.
+        fleet: fleet file; None for Pioneers.
+        names: of the robots.
+        world: name of a world, or path of its file.
+    """
+    # The import takes 0.2 s of CPU, which other runs need not spend.
+    from pioneer_demo.scenario.right_of_way import fleet_refusal
+
+    robots = _robots_of(fleet) if fleet else [RobotEntry(name) for name in names]
+    file = Path(world).expanduser().resolve()
+    is_file = "/" in world or world.endswith(".world")
+    map_file = _map_of(file, simulator) if is_file else simulator / "map" / f"{world}.yaml"
+    packages = rospkg.RosPack()
+    poses = Path(packages.get_path("pioneer_description")) / "config"
+    navigation = Path(packages.get_path("pioneer_2dnav")) / "config"
+    return fleet_refusal(robots, map_file, poses, navigation / "costmap_common_params.yaml")
+
+
+def _map_of(world: Path, simulator: Path) -> Path:
+    """Returns where the map of a world file is; see `_check_map`."""
+    folder = simulator / "map" if world.parent == (simulator / "worlds").resolve() else world.parent
+    return folder / f"{world.stem}.yaml"
+
+
 def _check_map(world: Path, simulator: Path) -> None:
     """Checks that a world file's map is where ``run-multi-pioneer-gazebo-master`` expects it.
 
@@ -165,8 +194,7 @@ def _check_map(world: Path, simulator: Path) -> None:
     """
     if not world.is_file():
         raise OptionError(f"--world: there is no file {world}")
-    folder = simulator / "map" if world.parent == (simulator / "worlds").resolve() else world.parent
-    path = folder / f"{world.stem}.yaml"
+    path = _map_of(world, simulator)
     if not path.is_file():
         draw = f"./pioneer run rosrun pioneer_gazebo world_to_map {shlex.quote(str(world))}"
         raise OptionError(f"--world: it has no map {path}; draw it: {draw}")

@@ -13,7 +13,9 @@ from pioneer_demo.scenario.option import (
     check_fleet,
     demo_config,
     fleet_config,
+    scenario_config,
 )
+from pioneer_demo.scenario.scenario import Scenario
 from pioneer_demo.scenario.world_folder import map_names, place_count, places_by_world
 
 POSES = Path(__file__).parents[3] / "pioneer_gazebo_ros" / "pioneer_description" / "config"
@@ -31,7 +33,12 @@ def parsed(*arguments, processors=2):
 
 def test_without_arguments_two_robots_drive_in_the_closed_maze_at_real_time():
     expected = DemoConfig(
-        robots=2, world="closed_maze", waypoints=3, report=Path("demo-report"), processors=2
+        robots=2,
+        world="closed_maze",
+        waypoints=3,
+        report=Path("demo-report"),
+        processors=2,
+        traffic=True,
     )
     assert parsed() == expected
     assert (expected.real_time_factor, expected.choice) == (1.0, "")
@@ -53,14 +60,27 @@ def test_without_arguments_two_robots_drive_in_the_closed_maze_at_real_time():
 def test_a_fleet_drives_as_fast_as_the_processors_carry_and_no_faster_than_real_time(
     robots, processors, factor
 ):
+    words = ("--robots", str(robots), "--no-traffic")
+    assert parsed(*words, processors=processors).real_time_factor == factor
+
+
+@pytest.mark.parametrize(
+    ("robots", "processors", "factor"), [(2, 1, 1.0), (10, 2, 1.0), (13, 2, 0.75), (15, 2, 0.65)]
+)
+def test_right_of_way_costs_large_fleets_some_of_their_pace(robots, processors, factor):
     assert parsed("--robots", str(robots), processors=processors).real_time_factor == factor
 
 
 def test_a_chosen_factor_is_logged_and_a_requested_one_is_kept():
     chosen, asked = parsed("--robots", "15"), parsed("--robots", "15", "--rtf", "1")
+    plain = parsed("--robots", "15", "--no-traffic")
     assert (
-        chosen.choice
+        plain.choice
         == "Real-time factor 0.9: 2 processors sustain no more with 15 robots (--rtf R sets another)"
+    )
+    assert chosen.choice == (
+        "Real-time factor 0.65: 2 processors sustain no more with 15 robots and right of way (--no-traffic: 0.9) "
+        "(--rtf R sets another)"
     )
     assert (asked.real_time_factor, asked.choice) == (1.0, "")
 
@@ -70,7 +90,7 @@ def test_every_option_arrives():
     config = parsed(*line.split(" "))
     assert config == DemoConfig(
         robots=5, world="small_world", seed=7, real_time_factor=0.0, waypoints=4, report=Path("out"), limit=99.0,
-        log=Path("out/log"), names=names(5),
+        log=Path("out/log"), names=names(5), traffic=True,
     )  # fmt: skip
 
 
@@ -96,7 +116,9 @@ def test_lockstep_excludes_a_real_time_factor():
 
 def test_a_fleet_has_the_options_of_a_demo_but_for_waypoints_and_report():
     machine = Machine(PLACES, ELSEWHERE, 2)
-    expected = FleetConfig(robots=3, real_time_factor=0.5, log=Path("logs"), names=names(3))
+    expected = FleetConfig(
+        robots=3, real_time_factor=0.5, log=Path("logs"), names=names(3), traffic=True
+    )
     assert fleet_config(["--robots", "3", "--rtf", "0.5", "--log", "logs"], machine) == expected
     with pytest.raises(OptionError, match="--waypoints"):
         fleet_config(["--waypoints", "3"], machine)
@@ -200,3 +222,42 @@ def test_lockstep_is_refused_where_its_patches_are_switched_off():
     with pytest.raises(OptionError, match="--lockstep: lockstep needs what is switched off"):
         demo_config(["--lockstep"], machine)
     assert not demo_config([], machine).lockstep
+
+
+@pytest.mark.parametrize("parse", [demo_config, fleet_config])
+@pytest.mark.parametrize(
+    ("arguments", "reason", "traffic", "line"),
+    [
+        ([], "", True, ""),
+        ([], "nowhere can a robot turn", False, "Right of way is off: nowhere can a robot turn"),
+        (["--robots", "1"], "never asked", False, ""),
+        (["--traffic"], "", True, ""),
+        (["--traffic", "--robots", "1"], "never asked", True, ""),
+        (["--no-traffic"], "", False, ""),
+        (["--no-traffic"], "never asked", False, ""),
+    ],
+)
+def test_several_robots_keep_the_right_of_way_unless_they_cannot_or_must_not(
+    parse, arguments, reason, traffic, line
+):
+    machine = Machine(PLACES, ELSEWHERE, 2, traffic_refusal=lambda *_: reason)
+    config = parse(arguments, machine)
+    assert config.traffic is traffic
+    assert config.traffic_line.startswith(line)
+    assert bool(config.traffic_line) == bool(line)
+
+
+def test_right_of_way_that_is_demanded_and_impossible_is_an_error():
+    machine = Machine(PLACES, ELSEWHERE, 2, traffic_refusal=lambda *_: "the doors are too narrow")
+    with pytest.raises(OptionError, match="--traffic: the doors are too narrow"):
+        demo_config(["--traffic"], machine)
+
+
+@pytest.mark.parametrize("traffic", [False, True])
+def test_a_scenario_keeps_the_right_of_way_that_its_file_says(traffic):
+    said = Scenario(robots=2, traffic=traffic)
+    machine = Machine(
+        PLACES, ELSEWHERE, 2, scenario_of=lambda _: said, traffic_refusal=lambda *_: "never asked"
+    )
+    config = scenario_config(["any"], machine)
+    assert (config.traffic, config.traffic_line) == (traffic, "")

@@ -95,10 +95,14 @@ class FreeSpace:
         along = np.stack([cols + 0.5, rows + 0.5], axis=1) * self.resolution
         return self._turned(along, self.yaw) + self.corner
 
+    def cells_at(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Returns the columns and rows of points, shape (n, 2), which may lie outside the map."""
+        along = self._turned(points - self.corner, -self.yaw)
+        return np.floor(along / self.resolution).astype(int)
+
     def room_at(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
         """Returns the distances from points to the nearest wall, shape (n, 2) -> (n,); 0 outside the map."""
-        along = self._turned(points - self.corner, -self.yaw)
-        cells = np.floor(along / self.resolution).astype(int)
+        cells = self.cells_at(points)
         inside = ((cells >= 0) & (cells < self.room.shape[::-1])).all(axis=1)
         cells[~inside] = 0
         return np.where(inside, self.room[cells[:, 1], cells[:, 0]], np.float32(0.0))
@@ -300,7 +304,7 @@ class _Growth:
     def grow(self) -> None:
         """Fills the largest part of the free space, beginning in the middle of its narrowest passage."""
         room = np.where(
-            _largest_part(self._space, self._config.passing_radius), self._space.room, 0.0
+            largest_part(self._space, self._config.passing_radius), self._space.room, 0.0
         )
         side = 2 * math.ceil(0.5 * self._config.spacing / self._space.resolution) + 1
         middles = (room == ndimage.maximum_filter(room, side)) & (
@@ -360,7 +364,8 @@ class _Growth:
         )
 
 
-def _largest_part(space: FreeSpace, radius: float) -> NDArray[np.bool_]:
+def largest_part(space: FreeSpace, radius: float) -> NDArray[np.bool_]:
+    """Returns the cells, (rows, cols), of the largest connected part in which a disc of ``radius`` [m] can move."""
     labels, count = ndimage.label(space.room >= radius, structure=np.ones((3, 3)))
     if not count:
         return np.zeros(space.room.shape, bool)

@@ -16,6 +16,8 @@ OBSERVER = "fleet_observer"
 """Name of the node that observes the fleet, and of its ring in lockstep."""
 _ROBOTS_A_PROCESSOR = 6.75
 """Robots, with navigation and gateway, that one processor runs in real time (docs/performance.md)."""
+_TRAFFIC_COST, _TRAFFIC_COST_OF_OTHERS = 0.02, 0.002
+"""What right of way costs a robot, and what it costs it for each robot of the fleet [processors] (docs/traffic.md)."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -37,6 +39,8 @@ class FleetConfig:
     #: those of ``names`` that another navigation drives: they have no amcl, move_base and waypoint client
     external: tuple[str, ...] = ()
     traffic: bool = False  #: whether the robots coordinate right of way
+    #: why several robots do not, although nobody switched it off; empty if they do, or were not to
+    traffic_refusal: str = ""
     record: Path | None = None  #: file for a recording of all masters' topics; None for none
     #: patterns for the names of the recorded topics; empty for all
     record_topics: tuple[str, ...] = ()
@@ -60,10 +64,19 @@ class FleetConfig:
         """One line about an automatically chosen factor below 1; empty otherwise."""
         if not self.processors or self.real_time_factor >= 1.0:
             return ""
+        without = factor_held(self.robots, self.processors)
+        more = f" and right of way (--no-traffic: {without:g})" if self.traffic else ""
         return (
             f"Real-time factor {self.real_time_factor:g}: {self.processors:g} processors sustain no more with "
-            f"{self.robots} robots (--rtf R sets another)"
+            f"{self.robots} robots{more} (--rtf R sets another)"
         )
+
+    @property
+    def traffic_line(self) -> str:
+        """One line about right of way that is off for a reason; empty otherwise."""
+        if not self.traffic_refusal:
+            return ""
+        return f"Right of way is off: {self.traffic_refusal} (docs/traffic.md)"
 
     @property
     def rings(self) -> tuple[str, ...]:
@@ -178,6 +191,8 @@ class Machine:
     external_of: Callable[[Path], Sequence[str]] = lambda _: ()
     #: why runs in lockstep are impossible here; empty if they are not
     lockstep_refusal: str = ""
+    #: returns why a fleet cannot keep the right of way; its arguments: fleet file or None, names, world
+    traffic_refusal: Callable[[Path | None, Sequence[str], str], str] = lambda *_: ""
 
 
 def demo_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
@@ -221,7 +236,9 @@ def scenario_config(arguments: Sequence[str], machine: Machine) -> DemoConfig:
         "robots": count,
         "fleet": None,
     }
-    chosen: dict[str, Any] = {**_chosen(values, machine), "names": said.names}
+    # Right of way is what the file says, so that results stay comparable.
+    as_said = dataclasses.replace(machine, traffic_refusal=lambda *_: "")
+    chosen: dict[str, Any] = {**_chosen(values, as_said), "names": said.names}
     if said.entries:
         chosen |= {"entries": said.entries, "fleet": _written_fleet(log)}
     extras = {
@@ -262,19 +279,49 @@ def _chosen(values: dict[str, Any], machine: Machine) -> dict[str, Any]:
         count = len(values["names"])
     values["robots"] = count
     check_fleet(count, values["world"], machine.places, machine.places_elsewhere)
+    values |= _right_of_way(values, machine)
     if values["lockstep"]:
         if machine.lockstep_refusal:
             raise OptionError(f"--lockstep: {machine.lockstep_refusal}")
         return {**values, "real_time_factor": 0.0}
     if values["real_time_factor"] is None:
-        factor = factor_held(values["robots"], machine.processors)
+        factor = factor_held(values["robots"], machine.processors, traffic=values["traffic"])
         return {**values, "real_time_factor": factor, "processors": machine.processors}
     return values
 
 
-def factor_held(robots: int, processors: float) -> float:
-    """Returns the real-time factor at which navigation keeps up, rounded down to a multiple of 0.05; at most 1."""
-    return min(1.0, max(0.05, math.floor(20 * _ROBOTS_A_PROCESSOR * processors / robots) / 20))
+def _right_of_way(values: Mapping[str, Any], machine: Machine) -> dict[str, Any]:
+    """Returns whether the robots keep the right of way: by default if there are several, and they can.
+
+    Raises:
+        OptionError: it is demanded, and impossible.
+    """
+    demanded, count = values["traffic"], values["robots"]
+    if demanded is False or (demanded is None and count < 2):
+        return {"traffic": bool(demanded)}
+    refusal = (
+        machine.traffic_refusal(values["fleet"], values["names"], values["world"])
+        if count > 1
+        else ""
+    )
+    if demanded and refusal:
+        raise OptionError(f"--traffic: {refusal}")
+    return {"traffic": not refusal, "traffic_refusal": refusal}
+
+
+def factor_held(robots: int, processors: float, *, traffic: bool = False) -> float:
+    """Returns the real-time factor at which navigation keeps up, rounded down to a multiple of 0.05; at most 1.
+
+    Args:
+        robots: number of robots.
+        processors: number of processors.
+        traffic: whether the robots keep the right of way: each receives the reports of all others.
+    """
+    at_once = _ROBOTS_A_PROCESSOR
+    if traffic:
+        cost = _TRAFFIC_COST + _TRAFFIC_COST_OF_OTHERS * robots
+        at_once /= 1.0 + _ROBOTS_A_PROCESSOR * cost
+    return min(1.0, max(0.05, math.floor(20 * at_once * processors / robots) / 20))
 
 
 def check_fleet(
@@ -368,11 +415,9 @@ def _add_common(parser: Parser, worlds: Sequence[str]) -> None:
     add("--lockstep", action="store_true",
         help="time waits for every robot's nodes: as fast as the machine can, and the same run for the same seed "
         "(docs/lockstep.md)")  # fmt: skip
-    add(
-        "--traffic",
-        action="store_true",
-        help="the robots keep the right of way with one another (docs/traffic.md)",
-    )
+    add("--traffic", action=argparse.BooleanOptionalAction,
+        help="the robots keep the right of way with one another (docs/traffic.md; default: if there are several, and "
+        "map and footprints allow it)")  # fmt: skip
     _add_record(parser)
     add(
         "--web",

@@ -30,5 +30,10 @@ def place_count(poses: Path, world: str = "") -> int:
     Raises:
         OSError: the common file is needed but does not exist.
     """
+    return len(_ROBOT.findall(poses_of(poses, world).read_text()))
+
+
+def poses_of(poses: Path, world: str) -> Path:
+    """Returns the file of initial poses of a world in folder ``poses``: its own, or else the common one."""
     own = poses / f"pioneer_poses_{world}.yaml"
-    return len(_ROBOT.findall((own if own.is_file() else poses / "pioneer_poses.yaml").read_text()))
+    return own if own.is_file() else poses / "pioneer_poses.yaml"
