@@ -11,6 +11,8 @@ import pytest
 import yaml
 
 from nav_bundle.check_parameters import flattened, read_as_nodes_do
+from nav_bundle.check_planner import a_robot_follows_a_plan_to_its_goal_without_contact
+from nav_bundle.move_base.config import setup_from_parameters
 
 
 @dataclass(frozen=True)
@@ -567,3 +569,18 @@ def test_what_has_no_effect_in_a_published_set_is_named(robot: ParameterSet) -> 
         match[1].split("/")[-1] for text in warnings if (match := re.search(r"~([\w/]+)", text))
     }
     assert named == set(robot.warned), warnings
+
+
+@pytest.mark.parametrize(
+    "robot", [one for one in SETS if not one.refused], ids=lambda one: one.robot
+)
+def test_a_published_set_drives_to_its_goal(robot: ParameterSet) -> None:
+    """Its local planner drives 4 m in a room, in the costmap of a round robot."""
+    own, common = yaml.safe_load(robot.text), yaml.safe_load(robot.common) or {}
+    costmaps = {
+        name: {**common, **own.get(name, {})} for name in ("global_costmap", "local_costmap")
+    }
+    setup = setup_from_parameters({**own, **costmaps}, "move_base")
+    a_robot_follows_a_plan_to_its_goal_without_contact(
+        lambda *_: setup.make_local_planner()  # type: ignore[arg-type]
+    )
