@@ -313,6 +313,8 @@ class Watcher:
     PERIOD = 0.01
     STEP = 0.05
     """The longest physics step [s]."""
+    ROUNDING = 1e-6
+    """Of sums of times [s]."""
 
     def __init__(self, client: Client, topic: str) -> None:
         self._connection = client.subscribe("/gazebo", topic)
@@ -387,7 +389,7 @@ class Watcher:
             now.velocity, before.velocity
         ):
             return
-        if now.time <= self._stands_until and self._moved(before, now):
+        if now.time <= self._stands_until + self.ROUNDING and self._moved(before, now):
             return
         # It was placed since the message before, perhaps more than once.
         for number, placed in enumerate(self._placed):
