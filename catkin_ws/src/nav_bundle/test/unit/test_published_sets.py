@@ -185,6 +185,7 @@ footprint: [[-0.21, -0.165], [-0.21, 0.165], [0.21, 0.165], [0.21, -0.165]]
 footprint_padding: 0.1
 plugins:
 - {name: obstacles_layer, type: "costmap_2d::ObstacleLayer"}
+- {name: footprint_layer, type: "costmap_2d::FootprintLayer"}
 - {name: inflater_layer, type: "costmap_2d::InflationLayer"}
 obstacles_layer:
   observation_sources: scan
@@ -194,6 +195,7 @@ obstacles_layer:
 inflater_layer: {inflation_radius: 0.25}
 """,
         warned=(
+            "plugins",
             "map_type",
             "origin_z",
             "z_resolution",

@@ -256,7 +256,9 @@ def _listed_layers(parameters: Mapping[str, Any], owner: str) -> dict[str, Layer
     plugins = parameters["plugins"]
     if not isinstance(plugins, (list, tuple)):
         raise ParameterError(f"{owner}: ~plugins must be a list of {{name, type}}, not {plugins!r}")
-    layers = dict(_plugin(parameters, plugin, owner) for plugin in plugins)
+    layers = dict(
+        _plugin(parameters, plugin, owner) for plugin in plugins if not _is_left_out(plugin, owner)
+    )
     copied = {name for layer in layers.values() for name in _COPIED[type(layer)]}
     for name in sorted((_OF_LAYERS - copied - {"plugins"}) & parameters.keys()):
         if name not in layers:
@@ -264,6 +266,22 @@ def _listed_layers(parameters: Mapping[str, Any], owner: str) -> dict[str, Layer
                 f"{owner}: ~{name} is read only without a list of plugins, or in a layer's own namespace"
             )
     return layers
+
+
+def _is_left_out(plugin: Any, owner: str) -> bool:
+    """Returns whether a layer of the list has nothing to do here, with a warning: the obstacle layers do its work."""
+    is_footprint = isinstance(plugin, Mapping) and _short(plugin.get("type")) == "FootprintLayer"
+    if is_footprint:
+        UNKNOWN.complain(
+            f"{owner}: ~plugins: {plugin.get('name')} of type {plugin['type']} is left out: "
+            "obstacle layers clear the footprint themselves (footprint_clearing_enabled)"
+        )
+    return is_footprint
+
+
+def _short(kind: Any) -> str:
+    """Returns a layer's type without its package."""
+    return str(kind).split("::")[-1]
 
 
 def _check(config: CostmapConfig, owner: str) -> None:
@@ -329,10 +347,10 @@ def _from_matching(
 
 def _plugin(parameters: Mapping[str, Any], plugin: Any, owner: str) -> tuple[str, LayerConfig]:
     """Returns the layer's name and configuration; the type may omit its package."""
-    by_name = {full.split("::")[-1]: kind for full, kind in _LAYERS.items()}
+    by_name = {_short(full): kind for full, kind in _LAYERS.items()}
     try:
         name = str(plugin["name"])
-        kind = by_name[str(plugin["type"]).split("::")[-1]]
+        kind = by_name[_short(plugin["type"])]
     except (KeyError, TypeError):
         raise ParameterError(
             f"{owner}: no such layer {plugin!r}; there are {', '.join(_LAYERS)}. Remove it from ~plugins"
