@@ -69,9 +69,6 @@ _NO_LINGER = (
     "</Domain></CycloneDDS>"
 )
 """A writer that is closed does not wait for readers: one that was killed would keep the node for its lease, 20 s."""
-_FRAGMENTS = "<FragmentSize>14000 B</FragmentSize>"
-"""On this machine, one fragment fills a packet of Cyclone's, of at most 14720 bytes. By default a packet holds ten, so
-that Ethernet need not divide it; each has a header that both sides handle."""
 _MOST_TAKEN = 64
 _ONLY_FATAL = 1
 """Cyclone's log category that reaches standard error."""
@@ -135,7 +132,7 @@ def configuration(environment: Mapping[str, str]) -> str | None:
     if reach == "LOCALHOST":
         peers.append("127.0.0.1")
         general = (
-            f"<General><AllowMulticast>spdp</AllowMulticast>{_FRAGMENTS}"
+            "<General><AllowMulticast>spdp</AllowMulticast>"
             '<Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces></General>'
         )
     elif reach == "OFF":

@@ -32,12 +32,6 @@ def test_without_a_variable_only_this_machine_is_reached() -> None:
     assert configuration({"ROS_LOCALHOST_ONLY": "1"}) == configuration({})
 
 
-def test_fragments_are_large_on_this_machine_only() -> None:
-    assert "FragmentSize" in (configuration({}) or "")
-    others = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_STATIC_PEERS": "192.168.2.5"}
-    assert "FragmentSize" not in (configuration(others) or "")
-
-
 @pytest.mark.parametrize(
     "environment",
     [

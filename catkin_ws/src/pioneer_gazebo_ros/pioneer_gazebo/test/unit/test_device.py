@@ -31,6 +31,7 @@ from pioneer_gazebo.world.robot import (
     Imu,
     JointStatePublisher,
     LaserSensor,
+    PlanarMove,
     Robot,
 )
 from pioneer_gazebo.world.ros_control import controlled
@@ -67,6 +68,75 @@ def rover(
         if smooth and name.startswith("rear"):
             links.append(f'<gazebo reference="{name}_wheel"><mu1>0</mu1></gazebo>')
     return robot_from_urdf(f'<robot name="rover">{"".join(links)}{extra}</robot>')
+
+
+KOBUKI = """<robot name="kobuki"><link name="base_footprint"/><link name="base_link"><inertial><mass value="2.4"/>
+<inertia ixx="0.02" iyy="0.02" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><origin xyz="0 0 0.06"/><geometry><cylinder radius="0.17" length="0.1"/></geometry></collision></link>
+<joint name="base_joint" type="fixed"><origin xyz="0 0 0.01"/><parent link="base_footprint"/>
+<child link="base_link"/></joint>
+{wheels}
+<link name="caster"><collision><geometry><sphere radius="0.017"/></geometry></collision></link>
+<link name="caster_back"><collision><geometry><sphere radius="0.017"/></geometry></collision></link>
+<joint name="front" type="fixed"><origin xyz="0.115 0 0.007"/><parent link="base_link"/><child link="caster"/></joint>
+<joint name="back" type="fixed"><origin xyz="-0.135 0 0.009"/><parent link="base_link"/>
+<child link="caster_back"/></joint>
+<gazebo reference="caster"><mu1>0</mu1></gazebo><gazebo reference="caster_back"><mu1>0</mu1></gazebo>
+<gazebo><plugin name="kobuki_controller" filename="libgazebo_ros_kobuki.so"><publish_tf>1</publish_tf>
+<left_wheel_joint_name>wheel_left_joint</left_wheel_joint_name>
+<right_wheel_joint_name>wheel_right_joint</right_wheel_joint_name>
+<wheel_separation>.230</wheel_separation><wheel_diameter>0.070</wheel_diameter><torque>1.0</torque>
+<velocity_command_timeout>0.6</velocity_command_timeout><cliff_detection_threshold>0.04</cliff_detection_threshold>
+<bumper_name>bumpers</bumper_name><imu_name>imu</imu_name></plugin></gazebo></robot>"""
+
+
+def kobuki() -> Robot:
+    """Returns a robot like a Kobuki, the base of a TurtleBot 2."""
+    wheel = """<link name="wheel_{side}"><inertial><mass value="0.1"/><inertia ixx="0.0002" iyy="0.0002" izz="0.0002"/>
+</inertial><collision><geometry><cylinder radius="0.035" length="0.02"/></geometry></collision></link>
+<joint name="wheel_{side}_joint" type="continuous"><origin xyz="0 {y} 0.025" rpy="-1.5707963 0 0"/>
+<parent link="base_link"/><child link="wheel_{side}"/><axis xyz="0 0 1"/></joint>"""
+    wheels = wheel.format(side="left", y=0.115) + wheel.format(side="right", y=-0.115)
+    return robot_from_urdf(KOBUKI.format(wheels=wheels))
+
+
+def test_a_kobuki_has_its_own_topics_and_drives_as_commanded(simulate: MakeSimulation) -> None:
+    robot = kobuki()
+    [drive], [imu] = robot.drives, robot.of(Imu)
+    assert (drive.commandTopic, drive.odometryTopic) == ("mobile_base/commands/velocity", "odom")
+    assert (drive.robotBaseFrame, drive.publishTf, drive.commandTimeout) == (
+        "base_footprint",
+        True,
+        0.6,
+    )
+    assert imu.topicName == "mobile_base/sensors/imu_data"
+    named = " ".join(robot.warnings)
+    assert "cliff_detection_threshold" in named
+    assert "bumper_name" in named
+    simulation = simulate()
+    entity = simulation.add_robot("r", "r", robot, Pose())
+    for _ in range(20):
+        entity.drives[0].drive.command(0.3, 0.0)
+        run(simulation, 0.1)
+    odometry = simulation.odometry(entity.drives[0])
+    assert odometry.x == pytest.approx(0.6, abs=0.05)
+    assert simulation.pose(entity).position[0] == pytest.approx(odometry.x, abs=0.03)
+    run(simulation, 2.0)
+    stopped = simulation.pose(entity).position[0]
+    run(simulation, 1.0)
+    assert simulation.pose(entity).position[0] == pytest.approx(stopped, abs=1e-3)
+
+
+def test_a_force_based_base_moves_as_commanded_and_its_gains_are_named() -> None:
+    plugin = """<gazebo><plugin name="m" filename="libgazebo_ros_force_based_move.so"><commandTopic>go</commandTopic>
+<odometryRate>50.0</odometryRate><publishOdometryTf>{tf}</publishOdometryTf>
+<force_x_velocity_p_gain>1e4</force_x_velocity_p_gain></plugin></gazebo>"""
+    robot = rover(plugin.format(tf="true"))
+    [mover] = robot.of(PlanarMove)
+    assert (mover.commandTopic, mover.odometryRate) == ("go", 50.0)
+    assert len(robot.warnings) == 1
+    assert "force_x_velocity_p_gain" in robot.warnings[0]
+    assert any("publishOdometryTf" in text for text in rover(plugin.format(tf="false")).warnings)
 
 
 def run(simulation: Simulation, seconds: float) -> None:

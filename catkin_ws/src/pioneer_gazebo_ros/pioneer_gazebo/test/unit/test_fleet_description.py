@@ -119,6 +119,26 @@ def test_planar_and_skid_steer_drives_are_renamed_too():
     assert (drive.commandTopic, drive.odometryTopic) == ("pioneer/cmd_vel", "odom")
 
 
+def test_a_kobuki_joins_with_the_fleets_names():
+    start, end = BURGER.index('    <plugin name="controller"'), BURGER.rindex("  </gazebo>")
+    plugin = """<plugin name="k" filename="libgazebo_ros_kobuki.so"><wheel_separation>0.26</wheel_separation>
+<left_wheel_joint_name>wheel_left_joint</left_wheel_joint_name><wheel_diameter>0.1</wheel_diameter>
+<right_wheel_joint_name>wheel_right_joint</right_wheel_joint_name><torque>5</torque></plugin>"""
+    described = fleet_description(BURGER[:start] + plugin + BURGER[end:])
+    [drive] = robot_from_urdf(described.text).drives
+    assert (drive.commandTopic, drive.robotBaseFrame) == ("pioneer/cmd_vel", "base_link")
+    assert drive.publishTf
+    changed = "commandTopic 'mobile_base/commands/velocity' is 'pioneer/cmd_vel' in the fleet"
+    assert changed in described.changes
+
+
+def test_odometry_that_is_kept_from_tf_is_there_in_the_fleet():
+    drive = "<odometrySource>encoder</odometrySource>"
+    described = fleet_description(BURGER.replace(drive, f"{drive}<publishTf>false</publishTf>"))
+    assert robot_from_urdf(described.text).drives[0].publishTf
+    assert "publishTf 'false' is 'true' in the fleet" in described.changes
+
+
 @pytest.mark.parametrize(
     ("cut", "words"),
     [("libgazebo_ros_diff_drive.so", "cannot command it"), ("libgazebo_ros_laser.so", "no laser")],

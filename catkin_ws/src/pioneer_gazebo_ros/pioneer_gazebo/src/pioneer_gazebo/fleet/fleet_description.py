@@ -18,7 +18,14 @@ COMMAND, ODOMETRY, SCAN = "pioneer/cmd_vel", "odom", "base_scan"
 TRUTH = "base_pose_ground_truth"
 ODOMETRY_FRAME, BASE = "odom", "base_link"
 
-_DRIVES = ("gazebo_ros_diff_drive", "gazebo_ros_skid_steer_drive", "gazebo_ros_planar_move")
+_KOBUKI = "gazebo_ros_kobuki"
+_DRIVES = (
+    "gazebo_ros_diff_drive",
+    "gazebo_ros_skid_steer_drive",
+    "gazebo_ros_planar_move",
+    "gazebo_ros_force_based_move",
+    _KOBUKI,
+)
 _LASERS = ("gazebo_ros_laser", "gazebo_ros_gpu_laser", "gazebo_ros_block_laser")
 _TRUTH = "gazebo_ros_p3d"
 _JOINT_STATES = "gazebo_ros_joint_state_publisher"
@@ -83,9 +90,14 @@ def expanded(path: Path) -> str:
 def _plugins(root: Element, *libraries: str) -> Iterator[Element]:
     """Yields the plugins of these libraries; all plugins if none is given."""
     for plugin in root.iter("plugin"):
-        file = plugin.get("filename", "").rpartition("/")[2]
-        if not libraries or file.removeprefix("lib").removesuffix(".so") in libraries:
+        if not libraries or _library(plugin) in libraries:
             yield plugin
+
+
+def _library(plugin: Element) -> str:
+    """Returns the name of a plugin's library without folder, ``lib`` and ``.so``."""
+    file = plugin.get("filename", "").rpartition("/")[2]
+    return file.removeprefix("lib").removesuffix(".so")
 
 
 def _make_relative(root: Element) -> None:
@@ -107,10 +119,17 @@ def _name_drive(root: Element, base: str, changes: list[str]) -> None:
         )
         return
     drive = drives[0]
-    _rename(drive, "commandTopic", COMMAND, "cmd_vel", changes)
+    is_kobuki = _library(drive) == _KOBUKI
+    command = "mobile_base/commands/velocity" if is_kobuki else "cmd_vel"
+    _rename(drive, "commandTopic", COMMAND, command, changes)
     _rename(drive, "odometryTopic", ODOMETRY, "odom", changes)
     _rename(drive, "odometryFrame", ODOMETRY_FRAME, "odom", changes)
     _rename(drive, "robotBaseFrame", base, "base_footprint", changes)
+    for tag in ("publishTf", "publishOdomTF", "publishOdometryTf", "broadcastTF"):
+        if drive.findtext(tag, "true").strip().lower() in ("false", "0"):
+            _rename(drive, tag, "true", "true", changes)
+    if is_kobuki and drive.findtext("publish_tf", "0").strip().lower() in ("false", "0"):
+        _rename(drive, "publish_tf", "true", "false", changes)
 
 
 def _name_laser(root: Element, scan: str, changes: list[str]) -> None:

@@ -120,7 +120,8 @@ def read_plugin(element: Element, names: Names, notes: Notes) -> list[Device]:
     if reader is None:
         notes.add(f"plugin lib{library}.so is not supported and ignored")
         return []
-    return [reader(element, names, notes)]
+    found = reader(element, names, notes)
+    return found if isinstance(found, list) else [found]
 
 
 def _plain(
@@ -196,6 +197,57 @@ def _skid_steer(element: Element, names: Names, notes: Notes) -> DiffDrive:
     return _checked_drive(element, names, drive)
 
 
+_KOBUKI_PREFIX = "mobile_base"
+"""Namespace of a Kobuki's own topics, its plugin's default."""
+_KOBUKI_BASE = "base_footprint"
+"""The link that a Kobuki's plugin moves, and that carries its IMU."""
+
+
+def _kobuki(element: Element, names: Names, notes: Notes) -> list[Device]:
+    """Reads the plugin of a Kobuki, the base of a TurtleBot 2: a drive and an IMU with fixed topics and frames.
+
+    Topics and frames may also be given as for ``libgazebo_ros_diff_drive.so``, which the plugin itself cannot.
+    """
+    joints: dict[str, Any] = {
+        f"{side}Joint": element.needed(f"{side}_wheel_joint_name").text for side in SIDES
+    }
+    sizes = {
+        "wheelSeparation": element.needed("wheel_separation").numbers(1)[0],
+        "wheelDiameter": element.needed("wheel_diameter").numbers(1)[0],
+        "commandTimeout": element.number("velocity_command_timeout", 0.0),
+    }
+    known = {
+        "left_wheel_joint_name",
+        "right_wheel_joint_name",
+        "wheel_separation",
+        "wheel_diameter",
+        "velocity_command_timeout",
+        "publish_tf",
+        "imu_name",
+    }
+    drive = filled(DiffDrive, element, notes, known, **joints, **sizes)
+    drive = dataclasses.replace(
+        drive,
+        commandTopic=element.word("commandTopic", f"{_KOBUKI_PREFIX}/commands/velocity"),
+        odometrySource="encoder",
+        publishTf=element.flag("publish_tf", False),
+        publishWheelJointState=True,
+    )
+    devices: list[Device] = [_checked_drive(element, names, drive)]
+    if element.child("imu_name") is not None and _KOBUKI_BASE in names.links:
+        topic = f"{_KOBUKI_PREFIX}/sensors/imu_data"
+        devices.append(Imu(element.word("imu_name", "imu"), _KOBUKI_BASE, topic, "base_link"))
+    return devices
+
+
+def _force_based_move(element: Element, names: Names, notes: Notes) -> PlanarMove:
+    """Reads a base that forces move as commanded; here it moves as commanded at once, so gains have no effect."""
+    del names
+    if not element.flag("publishOdometryTf", True):
+        notes.add(f"publishOdometryTf of plugin lib{library_of(element)}.so is ignored: tf has it")
+    return filled(PlanarMove, element, notes, {"publishOdometryTf"})
+
+
 def _checked_drive(element: Element, names: Names, drive: DiffDrive) -> DiffDrive:
     for side in drive.joints():
         for joint in side:
@@ -260,10 +312,12 @@ def imu_of(element: Element, link: str, names: Names | None, notes: Notes) -> Im
     )
 
 
-_PLUGINS: dict[str, Callable[[Element, Names, Notes], Device]] = {
+_PLUGINS: dict[str, Callable[[Element, Names, Notes], Device | list[Device]]] = {
     "gazebo_ros_diff_drive": _drive,
     "gazebo_ros_skid_steer_drive": _skid_steer,
     "gazebo_ros_planar_move": partial(_plain, PlanarMove),
+    "gazebo_ros_force_based_move": _force_based_move,
+    "gazebo_ros_kobuki": _kobuki,
     "gazebo_ros_control": partial(
         _plain, RosControl, known={"controlPeriod", "robotSimType", "legacyModeNS"}
     ),
