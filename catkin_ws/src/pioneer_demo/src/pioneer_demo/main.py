@@ -4,9 +4,11 @@ import dataclasses
 import errno
 import functools
 import itertools
+import json
 import os
 import secrets
 import shlex
+import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -38,6 +40,9 @@ _FOREIGN = (
     "GATEWAY_RELAY_PORT",
 )  # fmt: skip
 """Environment variables to unset, because they refer to another fleet or machine."""
+
+_FOOTPRINT_PATIENCE = 90.0
+"""Longest time to read a robot's description [s]."""
 
 _LIMITS = {errno.EMFILE: " (see ulimit -n)", errno.ENOMEM: " (see ulimit -v)"}
 
@@ -176,7 +181,28 @@ def _traffic_refusal(simulator: Path, fleet: Path | None, names: Sequence[str], 
     packages = rospkg.RosPack()
     poses = Path(packages.get_path("pioneer_description")) / "config"
     navigation = Path(packages.get_path("pioneer_2dnav")) / "config"
-    return fleet_refusal(robots, map_file, poses, navigation / "costmap_common_params.yaml")
+    shipped = navigation / "costmap_common_params.yaml"
+    return fleet_refusal(robots, map_file, poses, shipped, _footprint_of)
+
+
+def _footprint_of(description: str) -> Sequence[Sequence[float]]:
+    """Returns the corners of a robot's footprint [m] from its description.
+
+    Raises:
+        ValueError: it has none, or cannot be read.
+    """
+    command = ["rosrun", "pioneer_gazebo", "fleet_description", "--footprint", description]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=False, timeout=_FOOTPRINT_PATIENCE
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise ValueError(f"the footprint of {description} is unknown: {error}") from None
+    if done.returncode:
+        lines = done.stderr.strip().splitlines() or ["no reason was given"]
+        raise ValueError(f"the footprint of {description} is unknown: {lines[-1]}")
+    corners: list[list[float]] = json.loads(done.stdout)
+    return corners
 
 
 def _map_of(world: Path, simulator: Path) -> Path:

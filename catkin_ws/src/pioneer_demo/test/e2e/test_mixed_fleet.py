@@ -48,5 +48,7 @@ def test_robots_of_another_make_drive_beside_a_pioneer_with_no_more_than_their_d
     }
     for robot in robots.values():
         assert robot["localisation_error"]["p95"] <= 0.2
+    assert "Right of way is off" not in demo.text()
+    assert (demo.report / "log" / "navigation-of-burger1.log").read_text().count("coordinator")
     log = (demo.report / "log" / "simulator.log").read_text()
     assert "burger_like.urdf: commandTopic 'cmd_vel' is 'pioneer/cmd_vel' in the fleet" in log

@@ -16,8 +16,12 @@ SHIPPED = SOURCES / "pioneer_2dnav" / "config" / "costmap_common_params.yaml"
 ROVER = SHIPPED.with_name("rover_params.yaml")
 
 
-def refusal(*robots, world="closed_maze"):
-    return fleet_refusal(robots, MAPS / f"{world}.yaml", POSES, SHIPPED)
+def no_footprint(description):
+    raise ValueError(f"the footprint of {description} is unknown: no such file")
+
+
+def refusal(*robots, world="closed_maze", footprint_of=no_footprint):
+    return fleet_refusal(robots, MAPS / f"{world}.yaml", POSES, SHIPPED, footprint_of)
 
 
 @pytest.mark.parametrize("world", map_names(MAPS))
@@ -31,9 +35,20 @@ def test_a_fleet_of_different_shipped_robots_can():
     assert refusal(RobotEntry("pioneer1"), RobotEntry("rover1", navigation=str(ROVER))) == ""
 
 
-def test_a_described_robot_needs_its_footprint_among_its_parameters():
+@pytest.mark.parametrize(
+    ("half", "reason"), [(0.15, ""), (0.4, "the footprint of rover1 reaches 0.57 m")]
+)
+def test_a_described_robot_has_the_footprint_of_its_description(half, reason):
+    square = [[half, half], [half, -half], [-half, -half], [-half, half]]
     rover = RobotEntry("rover1", description="rover.xacro")
-    assert refusal(RobotEntry("pioneer1"), rover).startswith("the footprint of rover1 is not in")
+    found = refusal(RobotEntry("pioneer1"), rover, footprint_of=lambda _: square)
+    assert found.startswith(reason)
+    assert bool(found) == bool(reason)
+
+
+def test_a_description_without_a_footprint_is_a_reason_unless_parameters_have_one():
+    rover = RobotEntry("rover1", description="rover.xacro")
+    assert refusal(RobotEntry("pioneer1"), rover).startswith("the footprint of rover.xacro is unkn")
     rover = RobotEntry("rover1", description="rover.xacro", navigation=str(ROVER))
     assert refusal(RobotEntry("pioneer1"), rover) == ""
 
@@ -66,7 +81,5 @@ def test_robots_too_wide_or_too_inexact_for_places_cannot(tmp_path, parameters, 
 
 
 def test_a_map_that_cannot_be_read_is_no_reason(tmp_path):
-    assert (
-        fleet_refusal([RobotEntry("a"), RobotEntry("b")], tmp_path / "no.yaml", POSES, SHIPPED)
-        == ""
-    )
+    robots = [RobotEntry("a"), RobotEntry("b")]
+    assert fleet_refusal(robots, tmp_path / "no.yaml", POSES, SHIPPED, no_footprint) == ""

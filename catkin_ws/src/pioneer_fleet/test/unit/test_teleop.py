@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from pioneer_fleet.recording.recording import writer_of
 from pioneer_harness.masters import Master
 from pioneer_harness.wait import wait_until
 
@@ -67,7 +68,7 @@ def test_the_second_ctrl_c_ends_a_command_that_hangs(tmp_path: Path, command: st
             argv = ["rosrun", "pioneer_fleet", "teleop", "pioneer1"]
         else:
             recording = tmp_path / "x.bag"
-            recording.write_bytes(b"")
+            writer_of(recording).close()
             code = (
                 "import sys, threading\n"
                 "from pioneer_fleet.recording import replay\n"

@@ -1,5 +1,6 @@
 """Robots of other makes get the fleet's topics and frames, and move_base a footprint from their shapes."""
 
+import json
 import math
 import subprocess
 import sys
@@ -233,8 +234,8 @@ def test_the_command_prints_the_description_and_says_what_it_changed(tmp_path):
         "import sys; from pioneer_gazebo.commands.fleet_description import main; sys.exit(main())"
     )
 
-    def call(path):
-        words = [sys.executable, "-c", program, str(path)]
+    def call(path, *options):
+        words = [sys.executable, "-c", program, *options, str(path)]
         return subprocess.run(words, capture_output=True, text=True, check=False)
 
     path = tmp_path / "burger.urdf"
@@ -243,6 +244,7 @@ def test_the_command_prints_the_description_and_says_what_it_changed(tmp_path):
     assert done.returncode == 0, done.stderr
     assert robot_from_urdf(done.stdout) == robot_from_urdf(fleet_description(BURGER).text)
     assert "burger.urdf: commandTopic 'cmd_vel' is 'pioneer/cmd_vel' in the fleet" in done.stderr
+    assert json.loads(call(path, "--footprint").stdout) == footprint(fleet_description(BURGER).text)
     path.write_text("<robot")
     done = call(path)
     assert (done.returncode, len(done.stderr.splitlines())) == (1, 1)

@@ -1,7 +1,8 @@
-"""``fleet_description FILE``: prints a robot's description with the topics and frames of the fleet."""
+"""``fleet_description FILE``: prints a robot's description with the fleet's topics and frames, or its footprint."""
 # ruff: noqa: T201 - a command prints to standard output
 
 import argparse
+import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,6 +17,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     path = Path(options.file)
     try:
         described = fleet_description(expanded(path), options.laser)
+        if options.footprint:
+            # Loading scipy takes long.
+            from pioneer_gazebo.fleet.footprint import footprint
+
+            print(json.dumps(footprint(described.text)))
+            return 0
     except (DescriptionError, OSError) as error:
         print(f"fleet_description: {error}", file=sys.stderr)
         return 1
@@ -36,5 +43,10 @@ def _parser() -> argparse.ArgumentParser:
         default=SCAN,
         metavar="TOPIC",
         help="topic of the laser that navigation uses (default %(default)s)",
+    )
+    parser.add_argument(
+        "--footprint",
+        action="store_true",
+        help="print the corners of its outline on the floor instead: JSON, [[x, y], …] about base_link [m]",
     )
     return parser
