@@ -52,7 +52,8 @@ from pioneer_traffic.goal_server import GoalServer
 from pioneer_traffic.kept_hold import KeptHold
 from pioneer_traffic.msg import Report as ReportMessage
 from pioneer_traffic.pilot import Pilot
-from pioneer_traffic.roadmap import FreeSpace, Roadmap, roadmap_from_space
+from pioneer_traffic.roadmap import FreeSpace, Roadmap
+from pioneer_traffic.roadmap_cache import cached_roadmap
 from simple_navigation_goals.move_base import MoveBase
 from simple_navigation_goals.queue import Outcome
 
@@ -169,7 +170,7 @@ class CoordinatorNode:
         except NavigationError as error:
             rospy.logerr("the map is not used: %s", error)
             return
-        self._events.put(NewRoadmap(roadmap_from_space(FreeSpace.of_grid(grid))))
+        self._events.put(NewRoadmap(cached_roadmap(FreeSpace.of_grid(grid))))
 
     def spin(self) -> None:
         """Runs at a fixed wall-time period, and as soon as a goal or a stop arrives, until shutdown."""
