@@ -78,10 +78,16 @@ class Progress:
 
 
 class Fleet:
-    """Two robots on endless patrols and one at rest, started by ``./pioneer fleet`` and observed from outside."""
+    """Two robots on endless patrols and one at rest, started by ``./pioneer fleet`` and observed from outside.
 
-    def __init__(self, running, folder: Path) -> None:
+    With the right of way, a robot whose move_base is sent a goal by somebody else stays where it is until its own next
+    goal. So under hostile input only robots without it have to reach their waypoints.
+    """
+
+    def __init__(self, running, folder: Path, right_of_way: bool) -> None:
         self.running = running
+        self.right_of_way = right_of_way
+        self._folder = folder
         running.await_words("3 robots are ready", START_UP)
         self.first = self.status()
         self.masters = {robot["robot"]: robot["master"] for robot in self.first["robots"]}
@@ -95,8 +101,7 @@ class Fleet:
         self.longest = dict.fromkeys(PATROLS, 0.0)
         self.longest_stand = 0.0
         self.clock, self.clock_seen = 0.0, time.monotonic()
-        for robot, places in PATROLS.items():
-            self._patrol(robot, places, folder / f"{robot}.yaml")
+        self.start_patrols()
         self.progress = {robot: Progress(self.masters[robot], robot) for robot in PATROLS}
         self.page, self.token = re.search(r"(http\S+:\d+)/#(\S+)", running.text()).groups()
         self.page_pid = next(
@@ -109,6 +114,11 @@ class Fleet:
         )
         assert found, f"the fleet ends:\n{self.running.text()}"
         return found
+
+    def start_patrols(self) -> None:
+        """Sends the robots on their patrols, from the first waypoint on."""
+        for robot, places in PATROLS.items():
+            self._patrol(robot, places, self._folder / f"{robot}.yaml")
 
     def _patrol(self, robot: str, places, path: Path) -> None:
         waypoints = ", ".join(f"{{x: {x}, y: {y}}}" for x, y in places)
@@ -144,7 +154,9 @@ class Fleet:
         for name, progress in self.progress.items():
             leg = self.clock - self.left[name]
             self.longest[name] = max(leg, self.longest[name])
-            assert leg < LEG, f"{name} has been on its way for {leg:.0f} s: {status}"
+            assert leg < LEG or self.right_of_way, (
+                f"{name} has been on its way for {leg:.0f} s: {status}"
+            )
             if progress.reached > self.reached[name]:
                 self.reached[name], self.left[name] = progress.reached, self.clock
 
@@ -260,10 +272,24 @@ def test_a_fleet_keeps_reaching_waypoints_under_hostile_input(
     start, tmp_path, monkeypatch, record_property
 ):
     minutes = float(os.environ.get("PIONEER_FUZZ_MINUTES", "1"))
+    attack(start, tmp_path, monkeypatch, record_property, minutes, right_of_way=False)
+
+
+def test_robots_with_right_of_way_drive_again_after_hostile_input(
+    start, tmp_path, monkeypatch, record_property
+):
+    minutes = float(os.environ.get("PIONEER_FUZZ_MINUTES", "1"))
+    attack(start, tmp_path, monkeypatch, record_property, minutes, right_of_way=True)
+
+
+def attack(start, tmp_path, monkeypatch, record_property, minutes: float, right_of_way: bool):
+    """Attacks a fleet for so long, and checks that it does all it can meanwhile, and drives afterwards."""
     seed = int(os.environ.get("PIONEER_FUZZ_SEED", "1"))
     monkeypatch.setenv("ROCON_HUB_PASSWORD", "fuzz")
     monkeypatch.setenv("PIONEER_WEB_VIEWER_TOKEN", VIEWER)
-    fleet = Fleet(start("--robots", 3, "--web", command="fleet"), tmp_path)
+    traffic = "--traffic" if right_of_way else "--no-traffic"
+    running = start("--robots", 3, "--web", traffic, command="fleet")
+    fleet = Fleet(running, tmp_path, right_of_way)
     say(f"the fleet drives; {minutes:g} minutes of hostile input, seed {seed}")
     with ProcessGroup() as group:
         operator = start_operator(group, fleet, tmp_path)
@@ -273,6 +299,8 @@ def test_a_fleet_keeps_reaching_waypoints_under_hostile_input(
         logs = start_fuzzers(group, fleet, tmp_path, seed)
         watch(fleet, group, logs, operator, 60 * minutes)
     met = counts(logs)
+    if right_of_way:
+        fleet.start_patrols()
     before = dict(fleet.reached)
     wait_until(
         lambda: fleet.look() or all(fleet.reached[one] > before[one] for one in before),

@@ -7,6 +7,7 @@ from geometry_msgs.msg import Point
 from nav_bundle.msg import NavigationState
 from std_msgs.msg import Header
 
+from nav_bundle.base.pose import LARGEST
 from pioneer_traffic.event import Condition, Status
 from pioneer_traffic.msg import Path as PathMessage
 from pioneer_traffic.msg import Plan as PlanMessage
@@ -65,7 +66,7 @@ def report_from_message(message: ReportMessage, roadmap: int, places: int) -> Re
 
     The places of a robot with another roadmap than this one, of so many ``places``, are not looked at.
     """
-    if not (math.isfinite(message.position.x) and math.isfinite(message.position.y)):
+    if not (abs(message.position.x) <= LARGEST and abs(message.position.y) <= LARGEST):
         return None
     if message.roadmap == roadmap and not _has_known_places(message, places):
         return None
