@@ -1,7 +1,8 @@
 """Keeps roadmaps on the disk: all robots of a machine have the same one, and making it takes seconds.
 
 A file below ``XDG_CACHE_HOME`` or ``~/.cache`` holds places and ways of one map. Its name is a checksum of the free
-space, the geometry, and the source that makes roadmaps. The files may be deleted at any time.
+space, the geometry, and the source that makes roadmaps. Only the newest files are kept, as a map that is being made
+changes every few seconds. They may be deleted at any time.
 """
 
 import contextlib
@@ -23,7 +24,9 @@ from pioneer_traffic.roadmap import FreeSpace, Roadmap, RoadmapConfig, roadmap_f
 _PATIENCE = 30.0
 """Longest time to wait for another process that makes the same roadmap [s]."""
 _LOOK = 0.1
-"""Interval at which the other process is checked [s]."""
+"""Interval at which the other process is checked [s]: a file's lock cannot be awaited with a time limit."""
+_KEPT = 50
+"""Number of roadmaps that are kept."""
 
 
 def cache_folder() -> Path:
@@ -93,8 +96,17 @@ def _write(path: Path, made: Roadmap) -> None:
         with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".part", delete=False) as new:
             new.write(text)
         os.replace(new.name, path)
+        _remove_oldest(path.parent)
     except OSError:
         return  # a read-only or full disk: the roadmap is made again next time
+
+
+def _remove_oldest(folder: Path) -> None:
+    """Removes all roadmaps but the newest, with their locks."""
+    files = sorted(folder.glob("*.json"), key=lambda file: file.stat().st_mtime)
+    for file in files[:-_KEPT]:
+        file.unlink(missing_ok=True)
+        file.with_suffix(".lock").unlink(missing_ok=True)
 
 
 @contextlib.contextmanager

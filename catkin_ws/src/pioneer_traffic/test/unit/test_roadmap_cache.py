@@ -60,6 +60,20 @@ def test_another_map_or_geometry_is_another_file() -> None:
     assert len(files()) == 3
 
 
+def test_only_the_newest_roadmaps_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A map that is being made changes every few seconds, and each has a roadmap of its own."""
+    monkeypatch.setattr(roadmap_cache, "_KEPT", 2)
+    for number, seed in enumerate((1, 2, 3)):
+        cached_roadmap(drawn(seed))
+        for file in files():
+            if file.stat().st_mtime > 1000.0:
+                os.utime(file, (number, number))
+    assert [
+        file.stat().st_mtime for file in sorted(files(), key=lambda one: one.stat().st_mtime)
+    ] == [1, 2]
+    assert len(list(cache_folder().iterdir())) == 4
+
+
 @pytest.mark.parametrize(
     "content",
     [

@@ -52,6 +52,12 @@ def test_the_laser_that_the_fleet_file_names_keeps_its_topic():
     assert not any("topicName" in change for change in described.changes)
 
 
+def test_a_laser_without_a_topic_has_the_fleets_already():
+    described = fleet_description(BURGER.replace("<topicName>/scan</topicName>", ""))
+    assert robot_from_urdf(described.text).lasers[0].topic == "base_scan"
+    assert not any("topicName" in change for change in described.changes)
+
+
 def test_only_the_first_of_two_lasers_is_renamed_and_none_if_one_has_the_name():
     sensor = BURGER[BURGER.index('  <gazebo reference="base_scan">') : BURGER.index("  <gazebo>\n")]
     rear = sensor.replace("/scan<", "/rear<").replace('"lds"', '"rear"')

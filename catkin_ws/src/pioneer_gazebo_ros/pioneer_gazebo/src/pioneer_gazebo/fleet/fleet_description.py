@@ -136,8 +136,8 @@ def _name_laser(root: Element, scan: str, changes: list[str]) -> None:
     lasers = list(_plugins(root, *_LASERS))
     if not lasers:
         changes.append("it has no laser: it cannot navigate")
-    elif all(laser.findtext("topicName", "scan") != scan for laser in lasers):
-        _rename(lasers[0], "topicName", scan, "scan", changes)
+    elif all((laser.findtext("topicName") or SCAN).strip() != scan for laser in lasers):
+        _rename(lasers[0], "topicName", scan, SCAN, changes)
 
 
 def _rename(plugin: Element, tag: str, wanted: str, default: str, changes: list[str]) -> None:
