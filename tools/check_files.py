@@ -281,7 +281,7 @@ def _check_fleet(file: Path, report: Report) -> None:
 
 
 def _check_named(name: str, report: Report) -> None:
-    """Adds to a report what is said of a file that its file names; there is none for an empty name or ``none``."""
+    """Adds to a report what is said of a file that its file names; an empty name and ``none`` have nothing."""
     from nav_bundle.check_parameters import shipped_parameters
     from pioneer_node.core.fleet_file import NO_NAVIGATION
 
