@@ -5,17 +5,21 @@ import math
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
 
 from pioneer_gazebo.body.body import body_from_robot
 from pioneer_gazebo.error import DescriptionError
+from pioneer_gazebo.fleet import run_navigation
 from pioneer_gazebo.fleet.fleet_description import fleet_description
 from pioneer_gazebo.fleet.footprint import footprint
 from pioneer_gazebo.world.mesh import triangles_of_mesh
 from pioneer_gazebo.world.robot import DiffDrive, GroundTruth, JointStatePublisher, PlanarMove
 from pioneer_gazebo.world.urdf import robot_from_urdf
+from pioneer_node.core.fleet_file import RobotEntry
 
 BURGER = (Path(__file__).parent / "burger_like.urdf").read_text()
 PIONEER = (Path(__file__).parent / "pioneer.urdf").read_text()
@@ -230,7 +234,27 @@ def rotation(roll, pitch, yaw):
     return z @ y @ x
 
 
-def test_a_robot_without_shapes_has_no_footprint():
+@pytest.mark.parametrize(
+    "text", [BURGER, "<robot", '<robot name="r"><link name="base_link"/></robot>']
+)
+def test_navigation_starts_with_a_pioneers_footprint_if_the_description_has_none(tmp_path, text):
+    description = tmp_path / "robot.urdf"
+    description.write_text(text)
+    said = []
+    session = SimpleNamespace(say=said.append)
+    robot = RobotEntry("r", description=str(description))
+    path = run_navigation._write_footprint(session, robot, tmp_path)
+    assert bool(path) == (text == BURGER)
+    assert said[0].startswith("the footprint of r is" if path else "warning: r gets the footprint")
+    if path:
+        costmap = yaml.safe_load(Path(path).read_text())["local_costmap"]
+        assert costmap["footprint"] == footprint(fleet_description(BURGER).text)
+
+
+def test_a_robot_without_shapes_or_of_one_line_has_no_footprint():
+    line = '<collision><geometry><box size="1 0 0"/></geometry></collision>'
+    with pytest.raises(DescriptionError):
+        footprint(f'<robot name="r"><link name="base_link">{line}</link></robot>')
     with pytest.raises(DescriptionError, match="no collision shape"):
         footprint('<robot name="r"><link name="base_link"/></robot>')
 

@@ -23,7 +23,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
             print(json.dumps(footprint(described.text)))
             return 0
-    except (DescriptionError, OSError) as error:
+    except DescriptionError as error:
         print(f"fleet_description: {error}", file=sys.stderr)
         return 1
     for change in described.changes:

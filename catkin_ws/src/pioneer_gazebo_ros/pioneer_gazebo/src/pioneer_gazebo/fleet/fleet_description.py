@@ -71,8 +71,7 @@ def expanded(path: Path) -> str:
     """Returns the URDF of a URDF or xacro file.
 
     Raises:
-        DescriptionError: xacro refuses it, with its last line, or does not end.
-        OSError: there is no xacro.
+        DescriptionError: xacro refuses it, with its last line, does not end, or is not there.
     """
     command = ["xacro", str(path)]
     try:
@@ -81,6 +80,8 @@ def expanded(path: Path) -> str:
         )
     except subprocess.TimeoutExpired:
         raise DescriptionError(f"xacro {path} did not end within {XACRO_PATIENCE:g} s") from None
+    except OSError as error:
+        raise DescriptionError(f"xacro cannot be run: {error.strerror}") from None
     if done.returncode:
         lines = done.stderr.strip().splitlines() or ["no reason was given"]
         raise DescriptionError(f"xacro {path} failed: {lines[-1]}")

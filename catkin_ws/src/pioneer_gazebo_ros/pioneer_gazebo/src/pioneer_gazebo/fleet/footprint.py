@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from pioneer_gazebo.body.body import Body, body_from_robot
 from pioneer_gazebo.error import DescriptionError
@@ -30,9 +30,13 @@ def footprint(urdf: str) -> list[list[float]]:
     robot = robot_from_urdf(urdf)
     body = body_from_robot(robot, triangles_of_mesh)
     points = np.concatenate([np.empty((0, 2)), *_outlines(body, triangles_of_mesh)])
-    if len(points) < 3:
-        raise DescriptionError(f"robot {robot.name} has no collision shape, and so no footprint")
-    corners = points[ConvexHull(points).vertices]
+    try:
+        corners = points[ConvexHull(points).vertices]
+    except (QhullError, ValueError):
+        # No points, or all on one line.
+        raise DescriptionError(
+            f"robot {robot.name} has no collision shape, and so no footprint"
+        ) from None
     return [[round(float(x), 3), round(float(y), 3)] for x, y in corners]
 
 

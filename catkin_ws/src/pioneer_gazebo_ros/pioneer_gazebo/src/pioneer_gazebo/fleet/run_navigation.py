@@ -10,6 +10,7 @@ from pathlib import Path
 import rosgraph
 import yaml
 
+from pioneer_gazebo.error import DescriptionError
 from pioneer_gazebo.fleet.argument import ArgumentError, option, options_from_arguments
 from pioneer_gazebo.fleet.drawn_map import read_map
 from pioneer_gazebo.fleet.fleet import (
@@ -149,7 +150,6 @@ def navigate(session: Session, options: NavigationOptions, folder: Path) -> None
 
     Raises:
         SessionError: the base station simulates another world than ``options`` specify.
-        DescriptionError: the footprint is to be that of the description, which is invalid.
     """
     wanted = Path(options.world_name).stem
     if wanted:
@@ -171,7 +171,7 @@ def navigate(session: Session, options: NavigationOptions, folder: Path) -> None
     if options.navigation:
         robot = replace(robot, navigation=options.navigation)
     elif robot.description and not robot.navigation:
-        robot = replace(robot, navigation=str(_write_footprint(session, robot, folder)))
+        robot = replace(robot, navigation=_write_footprint(session, robot, folder))
     lockstep = options.real_time_factor == LOCKSTEP
     session.launch(
         launch_files(robot, pose, str(poses), options.traffic, options.parameters, lockstep)
@@ -193,19 +193,27 @@ def navigate(session: Session, options: NavigationOptions, folder: Path) -> None
     session.spin()
 
 
-def _write_footprint(session: Session, robot: RobotEntry, folder: Path) -> Path:
-    """Writes move_base parameters with the footprint of a robot's description; returns the file."""
+def _write_footprint(session: Session, robot: RobotEntry, folder: Path) -> str:
+    """Writes move_base parameters with the footprint of a robot's description.
+
+    Returns:
+        The file; empty if the description has no footprint: then the robot has that of a Pioneer.
+    """
     # Loading scipy takes long, and Pioneers have no need of it.
     from pioneer_gazebo.fleet.fleet_description import expanded, fleet_description
     from pioneer_gazebo.fleet.footprint import footprint
 
-    described = fleet_description(expanded(Path(robot.description)), robot.laser)
-    corners = footprint(described.text)
+    try:
+        described = fleet_description(expanded(Path(robot.description)), robot.laser)
+        corners = footprint(described.text)
+    except DescriptionError as error:
+        session.say(f"warning: {robot.name} gets the footprint of a Pioneer: {error}")
+        return ""
     session.say(f"the footprint of {robot.name} is that of its description: {corners}")
     costmap = {"footprint": corners}
     path = folder / "footprint.yaml"
     path.write_text(yaml.safe_dump({"global_costmap": costmap, "local_costmap": costmap}))
-    return path
+    return str(path)
 
 
 def _world_here(session: Session, master: rosgraph.Master) -> str:
