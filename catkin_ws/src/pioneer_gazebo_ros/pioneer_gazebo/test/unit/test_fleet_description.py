@@ -12,9 +12,10 @@ import pytest
 import yaml
 
 from pioneer_gazebo.body.body import body_from_robot
-from pioneer_gazebo.error import DescriptionError
+from pioneer_gazebo.commands import spawn_model
+from pioneer_gazebo.error import DescriptionError, SpawnError
 from pioneer_gazebo.fleet import run_navigation
-from pioneer_gazebo.fleet.fleet_description import fleet_description
+from pioneer_gazebo.fleet.fleet_description import expanded, fleet_description
 from pioneer_gazebo.fleet.footprint import footprint
 from pioneer_gazebo.world.mesh import triangles_of_mesh
 from pioneer_gazebo.world.robot import DiffDrive, GroundTruth, JointStatePublisher, PlanarMove
@@ -249,6 +250,31 @@ def test_navigation_starts_with_a_pioneers_footprint_if_the_description_has_none
     if path:
         costmap = yaml.safe_load(Path(path).read_text())["local_costmap"]
         assert costmap["footprint"] == footprint(fleet_description(BURGER).text)
+
+
+def test_a_footprint_without_one_of_the_shapes_is_none():
+    """A mesh that is not found was left out, and a wide robot drove with the footprint of the rest."""
+    shape = "<collision><geometry>{}</geometry></collision>"
+    body = shape.format('<box size="0.1 0.1 0.1"/>') + shape.format('<mesh filename="/no.stl"/>')
+    with pytest.raises(DescriptionError, match="1 of the 2 collision shapes"):
+        footprint(f'<robot name="r"><link name="base_link">{body}</link></robot>')
+
+
+def test_the_reason_of_xacro_is_said(tmp_path):
+    path = tmp_path / "x.xacro"
+    path.write_text(
+        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="${nope}"/></robot>'
+    )
+    with pytest.raises(DescriptionError, match="nope"):
+        expanded(path)
+
+
+@pytest.mark.parametrize("data", [b"<a>\xe9</a>", b"\xff"])
+def test_a_model_that_is_no_utf_8_is_named(tmp_path, data):
+    path = tmp_path / "model.sdf"
+    path.write_bytes(data)
+    with pytest.raises(SpawnError, match=r"model\.sdf is not UTF-8"):
+        spawn_model._text_of(path)
 
 
 def test_a_robot_without_shapes_or_of_one_line_has_no_footprint():

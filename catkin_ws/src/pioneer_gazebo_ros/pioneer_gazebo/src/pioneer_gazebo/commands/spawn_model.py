@@ -119,7 +119,7 @@ def model_xml(options: argparse.Namespace) -> str:
         SpawnError: the file or parameter does not exist or cannot be read.
     """
     if options.stdin:
-        return sys.stdin.read()
+        return _decoded(sys.stdin.buffer.read(), "standard input")
     if options.file is not None:
         return _text_of(options.file)
     if options.database is not None:
@@ -132,9 +132,17 @@ def model_xml(options: argparse.Namespace) -> str:
 
 def _text_of(file: Path) -> str:
     try:
-        return file.read_text()
+        data = file.read_bytes()
     except OSError as error:
         raise SpawnError(f"cannot read {file}: {error.strerror}") from error
+    return _decoded(data, str(file))
+
+
+def _decoded(data: bytes, source: str) -> str:
+    try:
+        return data.decode()
+    except UnicodeDecodeError as error:
+        raise SpawnError(f"{source} is not UTF-8: {error.reason} at byte {error.start}") from None
 
 
 def database_file(name: str) -> Path:

@@ -71,7 +71,7 @@ def expanded(path: Path) -> str:
     """Returns the URDF of a URDF or xacro file.
 
     Raises:
-        DescriptionError: xacro refuses it, with its last line, does not end, or is not there.
+        DescriptionError: xacro refuses it, with the reason, does not end, or is not there.
     """
     command = ["xacro", str(path)]
     try:
@@ -84,7 +84,9 @@ def expanded(path: Path) -> str:
         raise DescriptionError(f"xacro cannot be run: {error.strerror}") from None
     if done.returncode:
         lines = done.stderr.strip().splitlines() or ["no reason was given"]
-        raise DescriptionError(f"xacro {path} failed: {lines[-1]}")
+        # The lines after it say where.
+        reason = next((line for line in lines if "error" in line.lower()), lines[0])
+        raise DescriptionError(f"xacro {path} failed: {reason}")
     return done.stdout
 
 

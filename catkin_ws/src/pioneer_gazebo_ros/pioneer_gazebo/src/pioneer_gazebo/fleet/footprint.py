@@ -1,6 +1,7 @@
 """A robot's footprint: the outline of its collision shapes on the floor."""
 
 from collections.abc import Iterator
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +26,15 @@ def footprint(urdf: str) -> list[list[float]]:
     It is convex and contains all collision shapes.
 
     Raises:
-        DescriptionError: the description is invalid, or has no collision shape.
+        DescriptionError: the description is invalid, has no collision shape, or one that cannot be read.
     """
     robot = robot_from_urdf(urdf)
+    described = sum(1 for _ in ElementTree.fromstring(urdf).iterfind("link/collision"))
+    missing = described - sum(len(link.collisions) for link in robot.links)
+    if missing > 0:
+        raise DescriptionError(
+            f"{missing} of the {described} collision shapes of robot {robot.name} cannot be read"
+        )
     body = body_from_robot(robot, triangles_of_mesh)
     points = np.concatenate([np.empty((0, 2)), *_outlines(body, triangles_of_mesh)])
     try:
