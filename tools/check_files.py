@@ -202,7 +202,9 @@ def _check_yaml(file: Path, report: Report, parameters: list[tuple[Report, Any]]
         content = {}
         for values, _ in rosparam.load_file(str(file)):
             content = values
-    except (rosparam.RosParamException, yaml.YAMLError, UnicodeDecodeError, OSError) as error:
+    except (
+        rosparam.RosParamException, yaml.YAMLError, ValueError, ArithmeticError, OSError,
+    ) as error:  # fmt: skip
         mark = getattr(error, "problem_mark", None)
         report.refused.append(Note(" ".join(str(error).split()), mark.line + 1 if mark else None))
         return
@@ -376,7 +378,10 @@ def _places(file: Path, report: Report) -> Lines:
             found[own] = line
             walk(value, own)
 
-    walk(yaml.compose(file.read_text(), Loader=yaml.SafeLoader), ())
+    # Of several documents the last one counts, as for rosparam.
+    for document in yaml.compose_all(file.read_text(), Loader=yaml.SafeLoader):
+        found.clear()
+        walk(document, ())
     return found
 
 

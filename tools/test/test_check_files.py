@@ -37,6 +37,21 @@ def test_a_misspelt_parameter_is_named_with_its_line_and_the_nearest_name(tmp_pa
     assert "did you mean ~inflation_radius?" in note.text
 
 
+@pytest.mark.parametrize(
+    "text", ["a: 2020-13-45\n", "TrajectoryPlannerROS:\n  max_vel_x: rad(1/0)\n"]
+)
+def test_a_value_that_yaml_cannot_read_is_refused_without_a_traceback(
+    tmp_path: Path, text: str
+) -> None:
+    assert checked(tmp_path, "nav.yaml", text).refused
+
+
+def test_of_several_documents_the_last_one_counts(tmp_path: Path) -> None:
+    text = "local_costmap:\n  width: 4.0\n---\nlocal_costmap:\n  resolution: -0.05\n"
+    [note] = checked(tmp_path, "nav.yaml", text).refused
+    assert note.line == 5
+
+
 def test_a_refused_value_is_named_with_its_line(tmp_path: Path) -> None:
     report = checked(tmp_path, "nav.yaml", "local_costmap:\n  width: 4.0\n  resolution: -0.05\n")
     assert [(note.line, "resolution must be positive" in note.text) for note in report.refused] == [

@@ -113,6 +113,9 @@ class Recorder:
         """
         self._topics = topics
         self._split = split
+        self._repeated = (
+            0  # size of what the file begins with: the latched messages of the one before
+        )
         self._latched: dict[tuple[str, str], Message] = {}
         # A publisher closes the connection of one subscriber when another one of the same name connects.
         own_name = "/" + anonymous_name(NAME)
@@ -144,7 +147,8 @@ class Recorder:
                 if not has_room(self._path.parent):
                     self._writer.close()
                     raise FullDiskError
-                if self._split and self._path.stat().st_size >= self._split:
+                size = self._path.stat().st_size - self._repeated
+                if self._split and size >= self._split:
                     self._continue_in_a_new_file()
             try:
                 message = self._waiting.get(timeout=max(0.0, flushed + _FLUSH - now))
@@ -166,6 +170,8 @@ class Recorder:
         now = time.time_ns()
         for message in self._latched.values():
             self._writer.add(message._replace(time=now))
+        self._writer.flush()
+        self._repeated = self._path.stat().st_size
 
     def end(self) -> None:
         """Makes `run` return after writing the messages that have arrived so far, read or not.

@@ -313,8 +313,10 @@ def _mcap(path: Path) -> Iterator[Any]:
 
     try:
         with path.open("rb") as file:
-            yield make_reader(file)
-    except (McapError, ZstdError, struct.error, UnicodeDecodeError, ValueError) as error:
+            yield make_reader(file, validate_crcs=True)
+    except (
+        McapError, ZstdError, struct.error, ValueError, KeyError, OverflowError, MemoryError,
+    ) as error:  # fmt: skip
         raise RecordingError(
             f"{path} is not a complete MCAP file: {error or type(error).__name__} "
             "(./pioneer replay FILE --repair NEW writes what can be read)"
