@@ -20,6 +20,7 @@ from sensor_msgs.msg import (
     Image,
     Imu,
     JointState,
+    LaserScan,
     NavSatFix,
     PointCloud,
     PointCloud2,
@@ -61,6 +62,20 @@ SLIDER = """<robot name="slider"><link name="base"><inertial><mass value="5"/><i
 <plugin name="kinect" filename="libgazebo_ros_openni_kinect.so"><cameraName>kinect</cameraName></plugin></sensor>
 </gazebo>
 </robot>"""
+
+
+PARTS = """<robot name="parts"><link name="base"><inertial><mass value="20"/><inertia ixx="1" iyy="1" izz="1"/>
+</inertial><collision><geometry><box size="0.3 0.3 0.2"/></geometry></collision></link>
+<link name="fork"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1"/></inertial></link>
+<joint name="lift" type="prismatic"><origin xyz="0 0 0.3"/><parent link="base"/><child link="fork"/>
+<axis xyz="0 0 1"/><limit lower="0" upper="0.4" effort="200" velocity="0.5"/></joint>
+<gazebo><plugin name="move" filename="libgazebo_ros_planar_move.so"><robotBaseFrame>base</robotBaseFrame>
+<robotNamespace>/undercarriage</robotNamespace></plugin><plugin name="c" filename="libgazebo_ros_control.so">
+<robotNamespace>/mast</robotNamespace></plugin></gazebo><gazebo reference="base"><sensor type="ray" name="scan"><ray>
+<scan><horizontal><samples>9</samples><min_angle>-1</min_angle><max_angle>1</max_angle></horizontal></scan>
+<range><min>0.2</min><max>30</max></range></ray><plugin name="laser" filename="libgazebo_ros_laser.so">
+<topicName>scan</topicName><frameName>base</frameName><robotNamespace>/sensors</robotNamespace></plugin></sensor>
+</gazebo></robot>"""
 
 
 class FeatureTest(unittest.TestCase):
@@ -148,6 +163,24 @@ class FeatureTest(unittest.TestCase):
         )
         turned = first("/controlled/joint_states", JointState)
         assert max(turned.position) > 1.0
+
+    def test_each_plugin_of_a_robot_is_in_its_own_namespace_and_a_lift_obeys(self) -> None:
+        states = {"type": "joint_state_controller/JointStateController", "publish_rate": 50}
+        lift = {"type": "position_controllers/JointPositionController", "joint": "lift"}
+        rospy.set_param("/mast", {"states": states, "lift": lift})
+        rospy.set_param("/sensors/tf_prefix", "eyes")
+        spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", srv.SpawnModel)
+        at = Pose(Point(-3.5, -3.5, 0.1), Quaternion(0, 0, 0, 1))
+        answer = spawn("parts", PARTS, "parts", at, "")
+        assert answer.success, answer.status_message
+        assert first("/sensors/scan", LaserScan).header.frame_id == "eyes/base"
+        assert first("/undercarriage/odom", Odometry).header.frame_id == "odom"
+        first("/parts/collisions", UInt32)
+        command = rospy.Publisher("/mast/lift/command", Float64, queue_size=1, latch=True)
+        command.publish(0.3)
+        first(
+            "/mast/joint_states", JointState, lambda message: abs(message.position[0] - 0.3) < 2e-3
+        )
 
     def test_the_camera_shows_the_world_while_somebody_looks(self) -> None:
         image = first("/pioneer1/camera/image_raw", Image)

@@ -136,7 +136,9 @@ def test_a_force_based_base_moves_as_commanded_and_its_gains_are_named() -> None
     assert (mover.commandTopic, mover.odometryRate) == ("go", 50.0)
     assert len(robot.warnings) == 1
     assert "force_x_velocity_p_gain" in robot.warnings[0]
-    assert any("publishOdometryTf" in text for text in rover(plugin.format(tf="false")).warnings)
+    assert mover.publishTf
+    [silent] = rover(plugin.format(tf="false")).of(PlanarMove)
+    assert not silent.publishTf
 
 
 def run(simulation: Simulation, seconds: float) -> None:
@@ -527,11 +529,89 @@ def test_an_invalid_controller_is_refused_by_its_parameters_name(
 
 
 def test_what_is_not_supported_is_noted() -> None:
-    arm = {"type": "position_controllers/JointPositionController", "joint": "a"}
+    arm = {"type": "position_controllers/JointTrajectoryController", "joints": ["a"]}
     _, notes = controlled(rover(CONTROL), {**parameters(wings=2), "arm_controller": arm})
     assert [line.split(" ")[0] for line in notes] == ["base/wings", "controller"]
     _, notes = controlled(rover(CONTROL), {"robot_description": "<robot/>"})
     assert "libgazebo_ros_control.so drives nothing" in notes[0]
+
+
+MECANUM = """
+type: mecanum_drive_controller/MecanumDriveController
+front_left_wheel_joint: front_left
+front_right_wheel_joint: front_right
+back_left_wheel_joint: rear_left
+back_right_wheel_joint: rear_right
+wheel_separation_x: 0.3
+wheel_separation_y: 0.3
+wheel_radius: 0.1
+base_frame_id: base
+cmd_vel_timeout: 0.4
+enable_odom_tf: false
+linear: {y: {has_velocity_limits: true, max_velocity: 0.5, has_acceleration_limits: true, max_acceleration: 1.0}}
+"""
+
+
+def test_a_base_with_mecanum_wheels_moves_sideways_within_its_limits_and_stops_without_commands(
+    simulate: MakeSimulation,
+) -> None:
+    devices, notes = controlled(rover(CONTROL), {"omni": yaml.safe_load(MECANUM)})
+    assert notes == []
+    [config] = devices
+    assert (config.commandTopic, config.odometryTopic, config.robotBaseFrame) == (
+        "omni/cmd_vel",
+        "omni/odom",
+        "base",
+    )
+    assert (config.publishTf, config.namespace) == (False, "rover")
+    simulation = simulate()
+    entity = spawned(simulation, replace(rover(CONTROL), devices=devices))
+    for _ in range(10):
+        entity.movers[0].command(simulation.moment, 0.0, 2.0, 0.0)
+        run(simulation, 0.2)
+    x, y, _ = simulation.pose(entity).position
+    # 0.5 s at 1 m/s², then 1.5 s at 0.5 m/s.
+    assert (x, y) == pytest.approx((0.0, 0.125 + 0.75), abs=0.03)
+    run(simulation, 2.0)
+    assert simulation.velocity(entity).linear[1] == pytest.approx(0.0, abs=1e-3)
+
+
+COB = """
+twist_controller: {type: cob_omni_drive_controller/WheelController, timeout: 0.5, wheels: [a, b]}
+odometry_controller: {type: cob_omni_drive_controller/OdometryController, publish_rate: 25, frame_id: odom_combined,
+  child_frame_id: base_footprint, broadcast_tf: false}
+"""
+
+
+def test_a_care_o_bots_base_has_the_topics_of_its_two_controllers() -> None:
+    devices, notes = controlled(rover(CONTROL), yaml.safe_load(COB))
+    assert notes == []
+    [config] = devices
+    assert (config.commandTopic, config.odometryTopic, config.odometryRate) == (
+        "twist_controller/command",
+        "odometry_controller/odometry",
+        25.0,
+    )
+    assert (config.odometryFrame, config.publishTf, config.commandTimeout) == (
+        "odom_combined",
+        False,
+        0.5,
+    )
+
+
+def test_each_plugin_has_its_own_namespace_and_the_root_is_one() -> None:
+    robot = rover("""<gazebo><plugin name="d" filename="libgazebo_ros_skid_steer_drive.so">
+    <leftFrontJoint>front_left</leftFrontJoint><rightFrontJoint>front_right</rightFrontJoint>
+    <leftRearJoint>rear_left</leftRearJoint><rightRearJoint>rear_right</rightRearJoint>
+    <robotNamespace>/base</robotNamespace></plugin><plugin name="t" filename="libgazebo_ros_p3d.so">
+    <bodyName>base</bodyName><robotNamespace>/</robotNamespace></plugin>
+    <plugin name="j" filename="libgazebo_ros_joint_state_publisher.so"/></gazebo><gazebo reference="base">
+    <sensor name="s" type="ray"><ray><scan><horizontal><samples>3</samples><min_angle>-1</min_angle>
+    <max_angle>1</max_angle></horizontal></scan><range><min>0.1</min><max>5</max></range></ray>
+    <plugin name="p" filename="libgazebo_ros_laser.so"><robotNamespace>sens</robotNamespace></plugin></sensor>
+    </gazebo>""")
+    assert [device.namespace for device in robot.devices] == ["base", "", None, "sens"]
+    assert robot.namespace == "base"
 
 
 CART = """<model name='cart'><pose>1 2 0 0 0 0</pose>

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from pioneer_gazebo.physics.engine import STILL, Engine, Velocity
 from pioneer_gazebo.simulation.entity import Entity
+from pioneer_gazebo.simulation.joint_motor import push_joint
 from pioneer_gazebo.simulation.schedule import TICK_RATE
-from pioneer_gazebo.world import joint as kinds
 from pioneer_gazebo.world.model import Script
-from pioneer_gazebo.world.pose import Pose, Vector, opposite, rotated, scaled
+from pioneer_gazebo.world.pose import Pose, Vector, scaled
 
 FASTEST = 10.0
 """Faster script motion [m/s], such as from its end back to its start, is a jump: the model pushes nothing away."""
@@ -100,21 +100,7 @@ class Effort:
 
     def push(self, engine: Engine, share: float) -> None:
         """Applies a ``share`` (0 … 1) of it in the next step, to the part and against its parent."""
-        handle = self.entity.handle
-        moved = self.entity.body.parts[self.part]
-        joint = moved.joint
-        if joint is None:
-            raise AssertionError(f"no joint moves {moved.name}")
-        at = engine.pose(handle, self.part)
-        along = scaled(rotated(at.rotation, joint.axis), share * self.effort)
-        for part, push in ((self.part, along), (moved.parent, opposite(along))):
-            if joint.kind == kinds.PRISMATIC:
-                engine.push(handle, part, push, _NONE, at.position)
-            else:
-                engine.push(handle, part, _NONE, push, None)
-
-
-_NONE = (0.0, 0.0, 0.0)
+        push_joint(engine, self.entity.handle, self.entity.body, self.part, share * self.effort)
 
 
 def _share(push: Wrench | Effort, begin: int, end: int) -> float:

@@ -10,6 +10,7 @@ from pioneer_gazebo.noise import Noise
 from pioneer_gazebo.physics.engine import STILL, Engine, JointReading, Velocity
 from pioneer_gazebo.simulation.command import CommandQueue, Moment
 from pioneer_gazebo.simulation.drive import Drive, Odometry, check_motion
+from pioneer_gazebo.simulation.joint_motor import Follower, JointMotors
 from pioneer_gazebo.simulation.noise_profile import DESCRIBED, NoiseProfile
 from pioneer_gazebo.world.model import Script
 from pioneer_gazebo.world.pose import IDENTITY, Pose, Quaternion, heading, rotated
@@ -20,9 +21,11 @@ from pioneer_gazebo.world.robot import (
     Gps,
     GroundTruth,
     Imu,
+    JointControl,
     JointStatePublisher,
     LaserSensor,
     LinkSensor,
+    MimicJoint,
     PlanarMove,
     Robot,
     SonarSensor,
@@ -128,23 +131,38 @@ class Mover:
     config: PlanarMove  #: topics and frames
     #: pending commands: velocity ahead and to the left [m/s], turn rate [rad/s]
     commands: CommandQueue[tuple[float, float, float]] = field(default_factory=CommandQueue)
-    motion: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: the command in force
+    wanted: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: the command in force
+    motion: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: what limits allow of it
+    silence: float = 0.0  #: since the last command [s]
 
     def command(self, moment: Moment, ahead: float, left: float, turn: float) -> None:
         """Queues a motion that arrived at ``moment``; thread-safe. Raises CommandError."""
         check_motion(math.hypot(ahead, left), turn)
         self.commands.put(moment, (ahead, left, turn))
 
-    def obey(self, now: Moment, rotation: Quaternion, fall: float) -> Velocity | None:
-        """Returns the world velocity for the step that begins ``now``; None to stand still.
+    def obey(self, now: Moment, step: float, rotation: Quaternion, fall: float) -> Velocity | None:
+        """Returns the world velocity for the ``step`` [s] that begins ``now``; None to stand still.
 
         Args:
             now: the time at which the step begins.
+            step: its duration [s].
             rotation: of the base.
             fall: its vertical velocity [m/s], which is kept.
         """
+        self.silence += step
         for motion in self.commands.take(now):
-            self.motion = motion
+            self.wanted = motion
+            self.silence = 0.0
+        if self.config.commandTimeout and self.silence > self.config.commandTimeout:
+            self.wanted = (0.0, 0.0, 0.0)
+        if self.motion != self.wanted:
+            config = self.config
+            limits = (config.aheadLimits, config.leftLimits, config.turnLimits)
+            ahead, left, turn = (
+                limit.towards(speed, wanted, step)
+                for limit, speed, wanted in zip(limits, self.motion, self.wanted, strict=True)
+            )
+            self.motion = ahead, left, turn
         if self.motion == (0.0, 0.0, 0.0):
             return None
         ahead, left, turn = self.motion
@@ -155,7 +173,8 @@ class Mover:
     def reset(self) -> None:
         """Clears all commands."""
         self.commands.clear()
-        self.motion = (0.0, 0.0, 0.0)
+        self.wanted = self.motion = (0.0, 0.0, 0.0)
+        self.silence = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,6 +226,8 @@ class Entity:
     )
     drives: list[Driven] = field(default_factory=list)
     movers: list[Mover] = field(default_factory=list)
+    motors: list[JointMotors] = field(default_factory=list)  #: of its ros_control controllers
+    followers: list[Follower] = field(default_factory=list)  #: joints that follow others
     lasers: list[Mounted] = field(default_factory=list)
     sonars: list[Mounted] = field(default_factory=list)
     before: Pose = (
@@ -319,6 +340,20 @@ def equip(
     entity.needs_acceleration = bool(robot.of(Imu))
     entity.drives = [driven(config) for config in robot.drives]
     entity.movers = [Mover(config) for config in robot.of(PlanarMove)]
+    entity.motors = [
+        JointMotors(config, body, tuple(map(body.joint_index, config.jointName)), entity.handle)
+        for config in robot.of(JointControl)
+    ]
+    entity.followers = [
+        Follower(
+            config,
+            body,
+            body.joint_index(config.mimicJoint),
+            body.joint_index(config.joint),
+            entity.handle,
+        )
+        for config in robot.of(MimicJoint)
+    ]
     entity.lasers = [mounted(config) for config in robot.lasers]
     entity.sonars = [mounted(config) for config in robot.sonars]
 
@@ -330,7 +365,12 @@ def control(engine: Engine, entity: Entity, now: Moment, step: float) -> None:
     speeds = [driven.drive.wheel_speeds(step) for driven in entity.drives]
     at_rest = all(driven.drive.at_rest for driven in entity.drives)
     if entity.movers:
-        at_rest = _move(engine, entity, now) and at_rest
+        at_rest = _move(engine, entity, now, step) and at_rest
+    for motor in entity.motors:
+        motor.obey(now)
+        at_rest = motor.turn(engine, step) and at_rest
+    for follower in entity.followers:
+        at_rest = follower.turn(engine, step) and at_rest
     if at_rest != entity.at_rest:
         entity.at_rest = at_rest
         engine.rest(entity.handle, at_rest)
@@ -339,11 +379,11 @@ def control(engine: Engine, entity: Entity, now: Moment, step: float) -> None:
             driven.turn(engine, wanted)
 
 
-def _move(engine: Engine, entity: Entity, now: Moment) -> bool:
+def _move(engine: Engine, entity: Entity, now: Moment, step: float) -> bool:
     """Moves a base in the plane; returns whether it is to stand still."""
     fall = engine.velocity(entity.handle).linear[2]
     rotation = engine.pose(entity.handle).rotation
-    motions = [mover.obey(now, rotation, fall) for mover in entity.movers]
+    motions = [mover.obey(now, step, rotation, fall) for mover in entity.movers]
     motion = next((one for one in motions if one is not None), None)
     if motion is not None or not entity.at_rest:
         engine.set_velocity(entity.handle, motion or Velocity((0.0, 0.0, fall)))

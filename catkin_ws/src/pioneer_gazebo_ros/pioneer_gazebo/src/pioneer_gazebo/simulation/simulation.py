@@ -576,6 +576,8 @@ class Simulation:
                 driven.turn(self._engine, (0.0, 0.0))
             for mover in entity.movers:
                 mover.reset()
+            for motor in entity.motors:
+                motor.reset()
 
     def reset(self) -> None:
         """Does `reset_poses`, and resets time, with it noise, and collision counts."""

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
+from std_msgs.msg import Float64, Float64MultiArray
 
 from pioneer_gazebo.physics.engine import Velocity
 from pioneer_gazebo.ros import messages
@@ -16,6 +17,7 @@ from pioneer_gazebo.world.pose import Pose, planar_pose
 from pioneer_gazebo.world.robot import (
     ODOMETRY_COVARIANCE,
     DiffDrive,
+    JointControl,
     JointStatePublisher,
     PlanarMove,
 )
@@ -108,5 +110,22 @@ def planar_topics(port: Port, config: PlanarMove) -> None:
     def command(message: Twist) -> None:
         mover.command(port.context.now(), message.linear.x, message.linear.y, message.angular.z)
 
-    odometry_topics(port, config, config.odometryRate, lambda: true_motion(port))
+    odometry_topics(port, config, config.odometryRate, lambda: true_motion(port), config.publishTf)
     port.take_commands(config.commandTopic, Twist, command)
+
+
+def joint_topics(port: Port, config: JointControl) -> None:
+    """Subscribes to ``NAME/command``: a Float64 for a joint, a Float64MultiArray for a group of joints."""
+    motors = next(one for one in port.entity.motors if one.config is config)
+
+    def command(message: Float64) -> None:
+        motors.command(port.context.now(), [message.data])
+
+    def group_command(message: Float64MultiArray) -> None:
+        motors.command(port.context.now(), message.data)
+
+    topic = f"{config.name}/command"
+    if config.isGroup:
+        port.take_commands(topic, Float64MultiArray, group_command)
+    else:
+        port.take_commands(topic, Float64, command)

@@ -1,6 +1,7 @@
 """The interface of a robot's devices to ROS: names, frames, topics, schedule, and the simulation."""
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,14 +53,28 @@ class Port:
         self.on_reset: list[Callable[[], None]] = []  #: called when simulated time restarts
         self._collisions: rospy.Publisher | None = None
         self._has_collisions = False  # whether the topic was advertised, or warned about
-        self._base = f"/{entity.namespace}" if entity.namespace else ""
-        self._prefix = _tf_prefix(self._base)
+        self._enter(entity.namespace)
         self._tasks: list[Task] = []
         self._topics: list[Topic] = []
         self._connections: list[rospy.Publisher | rospy.Subscriber] = []
 
+    def _enter(self, namespace: str) -> None:
+        self._base = f"/{namespace}" if namespace else ""
+        self._prefix = _tf_prefix(self._base)
+
+    def within(self, namespace: str | None) -> "Port":
+        """Returns this port with another namespace, for a plugin that has its own; None for the robot's.
+
+        What is created through either is closed with this one.
+        """
+        if namespace is None or namespace == self.entity.namespace:
+            return self
+        other = copy(self)
+        other._enter(namespace)
+        return other
+
     def name(self, name: str) -> str:
-        """Returns the full name of a topic in the robot's namespace."""
+        """Returns the full name of a topic in the namespace."""
         return name if name.startswith("/") else f"{self._base}/{name}"
 
     def frame(self, frame: str) -> str:

@@ -14,7 +14,7 @@ from pioneer_gazebo.simulation.entity import Entity
 from pioneer_gazebo.simulation.simulation import Simulation
 from pioneer_gazebo.timeline import Budget, Timeline
 from pioneer_gazebo.topics import sensor_topics as sensors
-from pioneer_gazebo.topics.drive_topics import drive_topics, planar_topics
+from pioneer_gazebo.topics.drive_topics import drive_topics, joint_topics, planar_topics
 from pioneer_gazebo.topics.port import Context, Port
 from pioneer_gazebo.topics.sensor_topics import driver_topics
 from pioneer_gazebo.world import robot as kinds
@@ -36,6 +36,8 @@ TOPICS: dict[type, Callable[[Port, Any], object]] = {
     kinds.GroundTruth: sensors.truth_topics,
     kinds.Bumper: sensors.bumper_topics,
     kinds.JointStatePublisher: sensors.joint_state_topics,
+    kinds.JointControl: joint_topics,
+    kinds.MimicJoint: lambda port, config: None,
     kinds.BaseDriver: driver_topics,
 }
 """Maps device types to the functions that start their topics."""
@@ -45,14 +47,16 @@ Owner = TypeVar("Owner", Robot, Model)
 
 
 def with_controllers(owner: Owner, namespace: str = "") -> Owner:
-    """Returns a robot with its ros_control plugin replaced by the controllers configured in its namespace.
+    """Returns a robot with its ros_control plugin replaced by the controllers configured in the plugin's namespace.
 
     Raises:
         DescriptionError: a controller's parameter is invalid.
     """
-    if not any(isinstance(device, RosControl) for device in owner.devices):
+    plugin = next((device for device in owner.devices if isinstance(device, RosControl)), None)
+    if plugin is None:
         return owner
-    base = f"/{namespace or owner.namespace}"
+    own = plugin.namespace
+    base = f"/{namespace or owner.namespace if own is None else own}"
     devices, notes = controlled(owner, parameters_below(base))
     for line in notes:
         rospy.logwarn("%s, parameters of %s: %s", owner.name, base, line)
@@ -140,7 +144,7 @@ class Robots:
         port = Port(self._context, entity)
         try:
             for device in entity.robot.devices:
-                TOPICS[type(device)](port, device)
+                TOPICS[type(device)](port.within(device.namespace), device)
         except Exception:
             port.close()
             raise

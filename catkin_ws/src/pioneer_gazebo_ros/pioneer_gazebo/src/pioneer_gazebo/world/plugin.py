@@ -18,6 +18,7 @@ from pioneer_gazebo.world.robot import (
     GroundTruth,
     Imu,
     JointStatePublisher,
+    MimicJoint,
     PlanarMove,
     RosControl,
 )
@@ -36,11 +37,14 @@ class Names:
     """The link and joint names that a robot's plugins and sensors may refer to."""
 
     links: Collection[str]
-    joints: Collection[str]
+    joints: Collection[str]  #: those that move
+    fixed: Collection[str] = ()  #: joints that do not move
 
     def check(self, element: Element, kind: str, name: str) -> None:
-        """Raises DescriptionError if the robot has no such link or joint (``kind``)."""
+        """Raises DescriptionError if the robot has no such link or moving joint (``kind``)."""
         names = {"link": self.links, "joint": self.joints}[kind]
+        if kind == "joint" and name in self.fixed:
+            raise element.error(f"joint {name!r} is fixed")
         if name not in names:
             near = difflib.get_close_matches(name, names, n=1)
             raise element.error(
@@ -121,7 +125,15 @@ def read_plugin(element: Element, names: Names, notes: Notes) -> list[Device]:
         notes.add(f"plugin lib{library}.so is not supported and ignored")
         return []
     found = reader(element, names, notes)
-    return found if isinstance(found, list) else [found]
+    return in_own_namespace(element, found if isinstance(found, list) else [found])
+
+
+def in_own_namespace(plugin: Element, devices: list[Device]) -> list[Device]:
+    """Returns a plugin's devices with its own namespace, if it gives one; ``/`` is the root namespace."""
+    text = plugin.word("robotNamespace", "")
+    if not text:
+        return devices
+    return [dataclasses.replace(device, namespace=text.strip("/")) for device in devices]
 
 
 def _plain(
@@ -243,9 +255,19 @@ def _kobuki(element: Element, names: Names, notes: Notes) -> list[Device]:
 def _force_based_move(element: Element, names: Names, notes: Notes) -> PlanarMove:
     """Reads a base that forces move as commanded; here it moves as commanded at once, so gains have no effect."""
     del names
-    if not element.flag("publishOdometryTf", True):
-        notes.add(f"publishOdometryTf of plugin lib{library_of(element)}.so is ignored: tf has it")
-    return filled(PlanarMove, element, notes, {"publishOdometryTf"})
+    is_published = element.flag("publishOdometryTf", True)
+    return filled(PlanarMove, element, notes, {"publishOdometryTf"}, publishTf=is_published)
+
+
+def _mimic(element: Element, names: Names, notes: Notes) -> MimicJoint:
+    mimic: MimicJoint = filled(MimicJoint, element, notes, _MIMIC_QUIET)
+    names.check(element, "joint", mimic.joint)
+    names.check(element, "joint", mimic.mimicJoint)
+    return mimic
+
+
+_MIMIC_QUIET = ("hasPID", "maxEffort", "sensitiveness")
+"""Elements of mimic joint plugins about how hard a joint follows, which it does exactly here."""
 
 
 def _checked_drive(element: Element, names: Names, drive: DiffDrive) -> DiffDrive:
@@ -326,5 +348,8 @@ _PLUGINS: dict[str, Callable[[Element, Names, Notes], Device | list[Device]]] = 
     "hector_gazebo_ros_gps": partial(_plain, Gps),
     "gazebo_ros_p3d": _truth,
     "gazebo_ros_joint_state_publisher": partial(_plain, JointStatePublisher),
+    "roboticsgroup_gazebo_mimic_joint_plugin": _mimic,
+    "roboticsgroup_upatras_gazebo_mimic_joint_plugin": _mimic,
+    "gazebo_mimic_joint_plugin": _mimic,
     "pioneer_base_driver": _base_driver,
 }

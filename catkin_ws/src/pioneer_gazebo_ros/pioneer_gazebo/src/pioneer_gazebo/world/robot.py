@@ -16,6 +16,24 @@ from pioneer_gazebo.world.pose import IDENTITY, Pose, Vector
 
 
 @dataclass(frozen=True, slots=True)
+class Limits:
+    """Bounds of a velocity and of its rate of change, in m or rad per second; infinite for none."""
+
+    least: float = -math.inf
+    most: float = math.inf
+    fall: float = -math.inf
+    rise: float = math.inf
+
+    def towards(self, now: float, wanted: float, step: float) -> float:
+        """Returns the velocity after ramping from ``now`` towards ``wanted`` for a ``step`` [s]."""
+        wanted = min(max(wanted, self.least), self.most)
+        return min(max(wanted, now + self.fall * step), now + self.rise * step)
+
+
+NO_LIMITS = Limits()
+
+
+@dataclass(frozen=True, slots=True)
 class PlanarMove:
     """``libgazebo_ros_planar_move.so``: moves the base in the plane as commanded by a Twist, in any direction."""
 
@@ -25,6 +43,14 @@ class PlanarMove:
     odometryFrame: str = "odom"
     robotBaseFrame: str = "base_footprint"
     odometryRate: float = 20.0  #: [Hz]
+    publishTf: bool = True  #: whether ``odometryFrame`` is published above ``robotBaseFrame``
+    #: the base stops after this time without a command [s]; 0 for never
+    commandTimeout: float = 0.0
+    aheadLimits: Limits = NO_LIMITS  #: of the commanded speed ahead, as in a mecanum controller
+    leftLimits: Limits = NO_LIMITS
+    turnLimits: Limits = NO_LIMITS
+    #: of its topics, without leading and trailing slashes (``robotNamespace``); None for the robot's
+    namespace: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +58,8 @@ class RosControl:
     """``libgazebo_ros_control.so``: replaced by the controllers in the robot's namespace when it is spawned."""
 
     name: str = "gazebo_ros_control"
+    #: of its topics, without leading and trailing slashes (``robotNamespace``); None for the robot's
+    namespace: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +75,8 @@ class Imu:
     #: whether the orientation is relative to the one at the start
     initialOrientationAsReference: bool = False
     rpyOffset: Vector = (0.0, 0.0, 0.0)  #: rotation added to the reported orientation [rad]
+    #: of its topics, without leading and trailing slashes (``robotNamespace``); None for the robot's
+    namespace: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,24 +93,9 @@ class Gps:
     referenceAltitude: float = 0.0  #: of the world's origin [m]
     referenceHeading: float = 0.0  #: heading of the world's x axis [deg], clockwise from north
     updateRate: float = 4.0  #: [Hz]; 0 for every step
+    #: of its topics, without leading and trailing slashes (``robotNamespace``); None for the robot's
+    namespace: str | None = None
 
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """Bounds of a velocity and of its rate of change, in m or rad per second; infinite for none."""
-
-    least: float = -math.inf
-    most: float = math.inf
-    fall: float = -math.inf
-    rise: float = math.inf
-
-    def towards(self, now: float, wanted: float, step: float) -> float:
-        """Returns the velocity after ramping from ``now`` towards ``wanted`` for a ``step`` [s]."""
-        wanted = min(max(wanted, self.least), self.most)
-        return min(max(wanted, now + self.fall * step), now + self.rise * step)
-
-
-NO_LIMITS = Limits()
 
 Diagonal = tuple[float, float, float, float, float, float]
 """The six values on the diagonal of a covariance matrix."""
@@ -127,6 +142,8 @@ class DiffDrive:
     #: diagonals of the odometry's covariances: x, y, z, roll, pitch, yaw, in m² and rad²
     poseCovariance: Diagonal = ODOMETRY_COVARIANCE
     twistCovariance: Diagonal = ODOMETRY_COVARIANCE
+    #: of its topics, without leading and trailing slashes (``robotNamespace``); None for the robot's
+    namespace: str | None = None
 
     def joints(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Returns the names of the joints called left and of those called right."""
@@ -141,6 +158,8 @@ class LinkSensor:
     link: str  #: the link that carries it
     pose: Pose = IDENTITY  #: pose of the sensor in that link; it looks along x, and its beams lie in the x-y plane
     update_rate: float = 10.0  #: measurements per second [Hz]; 0 for every step
+    #: of its topics, without leading and trailing slashes (``robotNamespace``); None for the robot's
+    namespace: str | None = None
     frame: str = ""  #: ``frame_id``, without the tf prefix
 
 
@@ -205,6 +224,8 @@ class GroundTruth:
     gaussianNoise: float = 0.0  #: standard deviation of the velocities, as in the plugin
     xyzOffset: Vector = (0.0, 0.0, 0.0)  #: added to the position [m]
     rpyOffset: Vector = (0.0, 0.0, 0.0)  #: added to the rotation [rad]
+    #: of its topics, without leading and trailing slashes (``robotNamespace``); None for the robot's
+    namespace: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,6 +239,8 @@ class Bumper:
     bumperTopicName: str = "bumper"  #: relative to the robot's namespace
     frameName: str = "map"  #: ``frame_id``; both ``map`` and ``world`` mean the world's origin
     update_rate: float = 10.0  #: [Hz]
+    #: of its topics, without leading and trailing slashes (``robotNamespace``); None for the robot's
+    namespace: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,6 +253,36 @@ class JointStatePublisher:
     ] = ()  #: published joints, in this order; empty for all movable joints
     updateRate: float = 100.0  #: [Hz]; 0 for every step
     topicName: str = "joint_states"  #: relative to the robot's namespace
+    #: of its topics, without leading and trailing slashes (``robotNamespace``); None for the robot's
+    namespace: str | None = None
+
+
+POSITION, VELOCITY, EFFORT = "position", "velocity", "effort"
+
+
+@dataclass(frozen=True, slots=True)
+class JointControl:
+    """A controller of ros_control that moves joints to a position, at a speed or by an effort."""
+
+    name: str  #: its topic is ``name/command``
+    jointName: tuple[str, ...]
+    kind: str = POSITION  #: `POSITION`, `VELOCITY` or `EFFORT`
+    isGroup: bool = False  #: whether a command has a number for each joint (Float64MultiArray)
+    #: of its topics, without leading and trailing slashes (``robotNamespace``); None for the robot's
+    namespace: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class MimicJoint:
+    """A joint that follows another one: URDF's ``<mimic>``, or a mimic joint plugin."""
+
+    name: str
+    joint: str  #: the joint that is followed
+    mimicJoint: str  #: the joint that follows
+    multiplier: float = 1.0
+    offset: float = 0.0  #: [rad or m]
+    #: of its topics, of which it has none
+    namespace: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,6 +301,8 @@ class BaseDriver:
     rollingResistance: float = 3.0  #: rolling resistance force [N]
     driveEfficiency: float = 0.5  #: efficiency of motors and gears, above 0, at most 1
     windingLoss: float = 3.0  #: winding loss of a motor per squared torque [W/(N m)²]
+    #: of its topics, without leading and trailing slashes (``robotNamespace``); None for the robot's
+    namespace: str | None = None
 
 
 Device = (
@@ -262,6 +317,8 @@ Device = (
     | GroundTruth
     | Bumper
     | JointStatePublisher
+    | JointControl
+    | MimicJoint
     | BaseDriver
 )
 """A sensor or plugin of a robot."""

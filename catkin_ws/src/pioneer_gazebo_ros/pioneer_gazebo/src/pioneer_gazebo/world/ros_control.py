@@ -2,30 +2,38 @@
 
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from pioneer_gazebo.error import DescriptionError
+from pioneer_gazebo.world import joint as kinds
 from pioneer_gazebo.world.model import Cylinder, Link, Model, Sphere
 from pioneer_gazebo.world.robot import (
+    EFFORT,
     ODOMETRY_COVARIANCE,
+    POSITION,
+    VELOCITY,
     Device,
     Diagonal,
     DiffDrive,
+    JointControl,
     JointStatePublisher,
     Limits,
+    PlanarMove,
     Robot,
     RosControl,
 )
 
-DIFF_DRIVE, JOINT_STATES = (
-    "diff_drive_controller/DiffDriveController",
-    "joint_state_controller/JointStateController",
-)
+DIFF_DRIVE = "diff_drive_controller/DiffDriveController"
 WITHOUT_EFFECT = {
     "type", "velocity_rolling_window_size", "open_loop",
     "estimate_velocity_from_position", "allow_multiple_cmd_vel_publishers", "publish_cmd",
 }  # fmt: skip
+MOVING = (DiffDrive, PlanarMove, JointControl)
+"""Devices that move something."""
+COB_ODOMETRY = "cob_omni_drive_controller/OdometryController"
 STRONGEST = 100.0
 """Wheel torque if the joint has no usable effort limit [N m]."""
 
@@ -40,32 +48,43 @@ def controlled(owner: Robot | Model, parameters: Any) -> tuple[tuple[Device, ...
         parameters: those in its namespace.
 
     Raises:
-        DescriptionError: a value is invalid, or the robot has no such wheel joint.
+        DescriptionError: a value of a drive is invalid, or the robot has no such wheel joint. Other controllers that
+            are invalid are left out, with a note.
     """
-    devices: list[Any] = [device for device in owner.devices if not isinstance(device, RosControl)]
+    plugin = next(device for device in owner.devices if isinstance(device, RosControl))
+    devices: list[Any] = []
     notes: list[str] = []
     found = parameters.items() if isinstance(parameters, Mapping) else ()
     for name, value in found:
         kind = value.get("type") if isinstance(value, Mapping) else None
-        if kind == DIFF_DRIVE:
-            devices.append(_diff_drive(_Settings(name, value, notes), owner))
-        elif kind == JOINT_STATES:
-            rate = _Settings(name, value, notes).number("publish_rate", 50.0)
-            devices.append(JointStatePublisher(name, updateRate=rate))
-        elif isinstance(kind, str) and "controller" in kind:
+        reader = _CONTROLLERS.get(kind) if isinstance(kind, str) else None
+        if reader is not None:
+            settings = _Settings(name, value, notes, parameters)
+            try:
+                devices.append(replace(reader(settings, owner), namespace=plugin.namespace))
+                settings.note_unread()
+            except DescriptionError as error:
+                if kind == DIFF_DRIVE:
+                    raise
+                notes.append(f"{error}; the controller is left out")
+        elif isinstance(kind, str) and "controller" in kind.lower() and kind != COB_ODOMETRY:
             notes.append(f"controller {name} of type {kind} is not supported and ignored")
-    if not any(isinstance(device, DiffDrive) for device in devices):
+    kept = [device for device in owner.devices if not isinstance(device, RosControl)]
+    if not any(isinstance(device, MOVING) for device in (*kept, *devices)):
         notes.append(
             f"libgazebo_ros_control.so drives nothing: load the YAML of a {DIFF_DRIVE} before spawning"
         )
-    return tuple(devices), notes
+    return (*kept, *devices), notes
 
 
 class _Settings:
     """Reads a controller's parameters with checks."""
 
-    def __init__(self, name: str, values: Mapping[str, Any], notes: list[str]) -> None:
+    def __init__(
+        self, name: str, values: Mapping[str, Any], notes: list[str], siblings: Any = None
+    ) -> None:
         self.name, self.values, self.notes = name, values, notes
+        self.siblings = siblings  # parameters of all controllers by name
         self._read = set(WITHOUT_EFFECT)
 
     def get(self, key: str, default: Any = None) -> Any:
@@ -176,8 +195,89 @@ def _diff_drive(settings: _Settings, owner: Robot | Model) -> DiffDrive:
         settings.notes.append(
             f"{name}: wheels of different radius are not supported; their mean is taken"
         )
-    settings.note_unread()
     return drive
+
+
+def _joint_states(settings: _Settings, owner: Robot | Model) -> JointStatePublisher:
+    del owner
+    settings.get("extra_joints")
+    return JointStatePublisher(settings.name, updateRate=settings.number("publish_rate", 50.0))
+
+
+def _joint_control(
+    kind: str, is_group: bool, settings: _Settings, owner: Robot | Model
+) -> JointControl:
+    movable = [joint.name for joint in owner.joints if joint.kind != kinds.FIXED]
+    joints = settings.joints("joints" if is_group else "joint", movable)
+    if not is_group and len(joints) != 1:
+        raise DescriptionError(f"{settings.name}/joint must be one joint, not {len(joints)}")
+    if settings.get("pid") is not None or any(settings.get(name) is not None for name in joints):
+        settings.notes.append(
+            f"{settings.name}: gains have no effect: joints follow their commands at once"
+        )
+    return JointControl(settings.name, joints, kind, is_group)
+
+
+def _mecanum(settings: _Settings, owner: Robot | Model) -> PlanarMove:
+    """Reads the controller of a base with mecanum wheels, which moves here as commanded, wheels standing still."""
+    del owner
+    name = settings.name
+    for key in _MECANUM_WHEELS:
+        settings.get(key)
+    for key in ("pose_covariance_diagonal", "twist_covariance_diagonal"):
+        settings.get(key)
+    return PlanarMove(
+        name,
+        commandTopic=f"{name}/cmd_vel",
+        odometryTopic=f"{name}/odom",
+        odometryFrame=str(settings.get("odom_frame_id", "odom")),
+        robotBaseFrame=str(settings.get("base_frame_id", "base_link")),
+        odometryRate=settings.number("publish_rate", 50.0),
+        publishTf=bool(settings.get("enable_odom_tf", True)),
+        commandTimeout=settings.number("cmd_vel_timeout", 0.5, 0.0),
+        aheadLimits=settings.limits("linear", "x"),
+        leftLimits=settings.limits("linear", "y"),
+        turnLimits=settings.limits("angular", "z"),
+    )
+
+
+_MECANUM_WHEELS = (
+    *(f"{side}_wheel{end}" for side in ("front_left", "front_right", "back_left", "back_right")
+      for end in ("", "_joint")),
+    "front_wheel_joint", "wheel_separation_x", "wheel_separation_y", "wheel_radius",
+    "wheel_separation_multiplier", "wheel_radius_multiplier",
+)  # fmt: skip
+"""Parameters of a mecanum controller that say how its wheels turn."""
+
+
+def _cob(settings: _Settings, owner: Robot | Model) -> PlanarMove:
+    """Reads the controller of a Care-O-bot's steered wheels; its odometry is a controller of its own."""
+    del owner
+    for key in (
+        "wheels",
+        "defaults",
+        "max_rot_velocity",
+        "max_trans_velocity",
+        "required_drive_chain",
+    ):
+        settings.get(key)
+    name = "odometry_controller"
+    values: Mapping[str, Any] = {}
+    others = settings.siblings if isinstance(settings.siblings, Mapping) else {}
+    for other, given in others.items():
+        if isinstance(given, Mapping) and given.get("type") == COB_ODOMETRY:
+            name, values = other, given
+    odometry = _Settings(name, values, settings.notes)
+    return PlanarMove(
+        settings.name,
+        commandTopic=f"{settings.name}/command",
+        odometryTopic=f"{name}/odometry",
+        odometryFrame=str(odometry.get("frame_id", "odom")),
+        robotBaseFrame=str(odometry.get("child_frame_id", "base_footprint")),
+        odometryRate=odometry.number("publish_rate", 50.0),
+        publishTf=bool(odometry.get("broadcast_tf", True)),
+        commandTimeout=settings.number("timeout", 0.1, 0.0),
+    )
 
 
 def _radius(wheel: Link) -> float:
@@ -186,3 +286,30 @@ def _radius(wheel: Link) -> float:
     return next(
         (shape.radius for shape in shapes if isinstance(shape, Cylinder | Sphere)), math.nan
     )
+
+
+def _joint_controllers() -> dict[str, Callable[[_Settings, Robot | Model], Any]]:
+    """Returns the reader of each type of joint controller: interface, what its commands mean, whether it is a group."""
+    readers: dict[str, Callable[[_Settings, Robot | Model], Any]] = {}
+    for interface, names in {
+        "position_controllers": {"Position": POSITION},
+        "velocity_controllers": {"Position": POSITION, "Velocity": VELOCITY},
+        "effort_controllers": {"Position": POSITION, "Velocity": VELOCITY, "Effort": EFFORT},
+    }.items():
+        for name, kind in names.items():
+            for group in ("", "Group"):
+                readers[f"{interface}/Joint{group}{name}Controller"] = partial(
+                    _joint_control, kind, bool(group)
+                )
+    return readers
+
+
+_CONTROLLERS: dict[str, Callable[[_Settings, Robot | Model], Any]] = {
+    DIFF_DRIVE: _diff_drive,
+    "joint_state_controller/JointStateController": _joint_states,
+    "mecanum_drive_controller/MecanumDriveController": _mecanum,
+    "ridgeback_control/MecanumDriveController": _mecanum,
+    "cob_omni_drive_controller/WheelController": _cob,
+    **_joint_controllers(),
+}
+"""Reads a controller of each type."""

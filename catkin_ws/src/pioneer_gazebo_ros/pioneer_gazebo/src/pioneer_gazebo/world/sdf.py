@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from pioneer_gazebo.world.element import Element, Notes
-from pioneer_gazebo.world.joint import WORLD, Joint, tree_of
+from pioneer_gazebo.world.joint import FIXED, WORLD, Joint, tree_of
 from pioneer_gazebo.world.model import Collision, Link, Model, Plane, Visual, World
 from pioneer_gazebo.world.plugin import Names, read_plugin
 from pioneer_gazebo.world.pose import IDENTITY, Pose
@@ -263,9 +263,9 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
         scope.notes.add(
             f"joint {joint} of model {name} closes a kinematic loop, which is not supported; it is ignored"
         )
-    devices += _devices(
-        element, [link.name for link in links], [joint.name for joint in joints], scope
-    )
+    fixed = [joint.name for joint in joints if joint.kind == FIXED]
+    moving = [joint.name for joint in joints if joint.kind != FIXED]
+    devices += _devices(element, Names([link.name for link in links], moving, fixed), scope)
     for plugin in element.children("plugin"):
         namespace = namespace or plugin.word("robotNamespace", "").strip("/")
     if static and devices:
@@ -278,7 +278,7 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
     )
 
 
-def _devices(element: Element, links: list[str], joints: list[str], scope: Scope) -> list[Device]:
+def _devices(element: Element, names: Names, scope: Scope) -> list[Device]:
     """Returns the sensors and plugins of a model's own links."""
     devices: list[Device] = []
     for link in element.children("link"):
@@ -287,7 +287,7 @@ def _devices(element: Element, links: list[str], joints: list[str], scope: Scope
                 devices += read_sensor(sensor, link.attribute("name"), scope.notes)
     for plugin in element.children("plugin"):
         with scope.leaving_out():
-            devices += read_plugin(plugin, Names(links, joints), scope.notes)
+            devices += read_plugin(plugin, names, scope.notes)
     return devices
 
 
@@ -299,6 +299,8 @@ NAMING = (
     "leftRearJoint",
     "rightRearJoint",
     "jointName",
+    "joint",
+    "mimicJoint",
 )
 """Fields of devices that hold link or joint names."""
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from pioneer_gazebo.world.element import Element, Notes
-from pioneer_gazebo.world.plugin import imu_of, library_of, note_unread
+from pioneer_gazebo.world.plugin import imu_of, in_own_namespace, library_of, note_unread
 from pioneer_gazebo.world.robot import Bumper, Camera, Device, LaserSensor, SonarSensor
 
 QUIET = {
@@ -52,7 +52,7 @@ def read_sensor(element: Element, link: str, notes: Notes) -> list[Device]:
         and plugin is not None
         and library_of(plugin) in IMU_PLUGINS
     ):
-        return [imu_of(plugin, link, None, notes)]
+        return in_own_namespace(plugin, [imu_of(plugin, link, None, notes)])
     if plugin is None:
         notes.add(
             f"sensor {element.attribute('name')!r} is ignored: it has no plugin that would publish it"
@@ -68,7 +68,7 @@ def read_sensor(element: Element, link: str, notes: Notes) -> list[Device]:
             child.note(
                 notes, "is ignored: images have no distortion, and the lens is that of <camera>"
             )
-    return [reader(element, plugin, link)]
+    return in_own_namespace(plugin, [reader(element, plugin, link)])
 
 
 def _common(element: Element, link: str) -> dict[str, Any]:

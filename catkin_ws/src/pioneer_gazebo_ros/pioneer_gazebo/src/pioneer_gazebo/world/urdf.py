@@ -23,7 +23,7 @@ from pioneer_gazebo.world.model import (
 from pioneer_gazebo.world.plugin import Names, read_plugin
 from pioneer_gazebo.world.pose import IDENTITY, Pose, Vector
 from pioneer_gazebo.world.resource import file_of_uri
-from pioneer_gazebo.world.robot import Device, Robot
+from pioneer_gazebo.world.robot import Device, DiffDrive, MimicJoint, Robot
 from pioneer_gazebo.world.sdf_link import GREY, RADIUS_OF_GYRATION, colour_of_material
 from pioneer_gazebo.world.sensor import read_sensor
 
@@ -99,6 +99,7 @@ def robot_from_urdf(text: str | bytes, source: str = "robot_description") -> Rob
         _names_used_once(root, kind)
     joints = tuple(_joint(element, links, notes) for element in root.children("joint"))
     poses = _poses_in_root(root, links, joints)
+    extensions.devices += _mimics(root, extensions.devices, notes)
     return Robot(
         root.attribute("name", "robot"),
         tuple(dataclasses.replace(link, pose=poses[name]) for name, link in links.items()),
@@ -274,6 +275,28 @@ def _joint(element: Element, links: dict[str, Link], notes: Notes) -> Joint:
     )
 
 
+def _mimics(root: Element, devices: list[Device], notes: Notes) -> list[MimicJoint]:
+    """Returns the joints that follow others by ``<mimic>``; those that plugins move are left to them."""
+    names = _names(root)
+    moved = {device.mimicJoint for device in devices if isinstance(device, MimicJoint)}
+    for device in devices:
+        if isinstance(device, DiffDrive):
+            moved |= {joint for side in device.joints() for joint in side}
+    found = []
+    for element in root.children("joint"):
+        name, mimic = element.attribute("name"), element.child("mimic")
+        if mimic is None or name not in names.joints or name in moved:
+            continue
+        with notes.leaving_out():
+            followed = mimic.attribute("joint")
+            names.check(mimic, "joint", followed)
+            if followed == name:
+                raise mimic.error("a joint cannot follow itself")
+            multiplier, offset = _value(mimic, "multiplier", 1.0), _value(mimic, "offset", 0.0)
+            found.append(MimicJoint(name, followed, name, multiplier, offset))
+    return found
+
+
 def _poses_in_root(
     root: Element, links: dict[str, Link], joints: tuple[Joint, ...]
 ) -> dict[str, Pose]:
@@ -310,22 +333,27 @@ def read_extensions(root: Element, notes: Notes) -> Extensions:
     As in Gazebo, an element that is invalid, or that refers to an absent link or joint, is left out, with a note.
     """
     extensions = Extensions()
-    names = Names(
-        *(
-            {element.attribute("name") for element in root.children(tag)}
-            for tag in ("link", "joint")
-        )
-    )
+    names = _names(root)
     for element in root.children("gazebo"):
         reference = element.attribute("reference", "")
         if reference:
             with notes.leaving_out():
-                if reference not in names.joints:
+                if reference not in (*names.joints, *names.fixed):
                     names.check(element, "link", reference)
                 _read_reference(element, reference, extensions, names, notes)
         else:
             _read_model(element, extensions, names, notes)
     return extensions
+
+
+def _names(root: Element) -> Names:
+    joints = {
+        joint.attribute("name"): joint.attribute("type", kinds.FIXED)
+        for joint in root.children("joint")
+    }
+    moving = {name for name, kind in joints.items() if kind not in (kinds.FIXED, kinds.FLOATING)}
+    links = {link.attribute("name") for link in root.children("link")}
+    return Names(links, moving, joints.keys() - moving)
 
 
 def _read_reference(
