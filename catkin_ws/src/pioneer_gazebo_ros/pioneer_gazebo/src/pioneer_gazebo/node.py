@@ -40,6 +40,9 @@ def judged(measured: float, asked: float, paused: bool) -> tuple[int, str]:
     return DiagnosticStatus.OK, "running"
 
 
+OF_THE_WORLD = -1.0
+"""Real-time factor of the world's ``<physics>``; 1 if it asks for none."""
+
 REPORT_PERIOD = 1.0
 """Interval at which the real-time factor is measured and published [s of wall time]."""
 
@@ -50,7 +53,7 @@ class GazeboConfig:
 
     world_name: str = "utm_0"
     paused: bool = False
-    real_time_factor: float = 1.0
+    real_time_factor: float = OF_THE_WORLD
     seed: int = 0
     physics_rate: float = 50.0
     solver_iterations: int = 20
@@ -65,9 +68,11 @@ class GazeboConfig:
 
     def __post_init__(self) -> None:
         """Rejects invalid values; raises ParameterError."""
-        if not 0 <= self.real_time_factor < float("inf"):
+        is_factor = 0 <= self.real_time_factor < float("inf")
+        if not is_factor and self.real_time_factor != OF_THE_WORLD:
             raise ParameterError(
-                f"~real_time_factor must be 0 (as fast as possible) or more, not {self.real_time_factor}"
+                "~real_time_factor must be 0 (as fast as possible) or more, or -1 (the world's), "
+                f"not {self.real_time_factor}"
             )
         if self.solver_iterations < 1:
             raise ParameterError(
@@ -133,10 +138,13 @@ class GazeboNode:
         models = tuple(with_controllers(model) for model in world.models)
         for line in self._simulation.load(replace(world, models=models)):
             rospy.logwarn("%s: %s", path, line)
+        factor = config.real_time_factor
+        if factor == OF_THE_WORLD:
+            factor = 1.0 if world.real_time_factor is None else world.real_time_factor
         self._timeline = Timeline(
             self._simulation,
             mailbox,
-            config.real_time_factor,
+            factor,
             config.paused,
             config.clock_rate,
             self._after_tick,

@@ -94,10 +94,11 @@ def test_model_that_is_not_found_is_named_once():
 
 def test_unsupported_elements_are_named_once_and_scenery_is_quiet():
     quiet = "<light type='directional' name='sun'/><scene><ambient>1 1 1 1</ambient></scene><gui/><audio/>"
-    loaded = world(quiet + "<population name='a'/><population name='b'/><road name='r'/>")
+    road = "<road name='{}'><point>{} 0 0</point></road>"
+    loaded = world(quiet + road.format("a", 1) + road.format("b", 2) + "<hole/>")
     assert loaded.warnings == (
-        "<population> in <world> is not supported and left out",
-        "<road> in <world> is not supported and left out",
+        "SDF, line 1: <road> in <world> has no effect (2 times)",
+        "SDF, line 1: <hole> in <world> is unknown and ignored",
     )
 
 
@@ -247,13 +248,20 @@ def test_an_includes_pose_may_be_relative_to_a_frame_and_be_referred_to(tmp_path
     assert beside.pose.position == pytest.approx((9, 1, 0))
 
 
-def test_a_shapes_pose_in_a_foreign_frame_is_named_once():
-    shape = BOX.replace("<geometry>", "<pose relative_to='b'>1 0 0 0 0 0</pose><geometry>")
-    links = f"<link name='a'>{shape}{shape}</link><link name='b'/>"
-    loaded = world(model(f"<static>1</static>{links}"), version="1.7")
-    assert loaded.warnings == (
-        "the frame of a <pose> in <collision> is not supported: the link's is taken",
-    )
+@pytest.mark.parametrize("of", ["relative_to", "frame"])
+def test_poses_in_a_link_may_be_relative_to_frames_and_links_of_the_model(of):
+    shape = BOX.replace("<geometry>", f"<pose {of}='b'>1 0 0 0 0 0</pose><geometry>")
+    turned = "<frame name='turned'><pose>0 0 0 0 0 1.5707963267948966</pose></frame>"
+    other = BOX.replace("<geometry>", f"<pose {of}='turned'>2 0 0 0 0 0</pose><geometry>")
+    inertial = f"<inertial><pose {of}='b'>0 0 1 0 0 0</pose><mass>2</mass></inertial>"
+    links = f"<link name='a'><pose>0 5 0 0 0 0</pose>{inertial}{shape}{other}</link>"
+    links += "<link name='b'><pose>3 0 0 0 0 0</pose></link>"
+    loaded = world(model(turned + links), version="1.7")
+    assert loaded.warnings == ()
+    first, second = loaded.collisions()
+    assert first.pose.position == pytest.approx((4, 0, 0))
+    assert second.pose.position == pytest.approx((0, 2, 0))
+    assert loaded.models[0].links[0].inertia.pose.position == pytest.approx((3, -5, 1))
 
 
 def test_a_users_world_of_a_thousand_boxes_is_read_and_stands_within_two_seconds(

@@ -222,7 +222,8 @@ def test_both_spellings_of_a_surface_give_the_same_robot(values):
     attribute = "".join(f'<{tag} value="{word}"/>' for tag, word in words.items())
     one, other = (cart(f'<gazebo reference="body">{text}</gazebo>') for text in (inside, attribute))
     assert one == other
-    assert one.warnings == ()
+    named = {tag for tag in values if f"<{tag}>" in " ".join(one.warnings)}
+    assert named <= {"mu2", "fdir1", "selfCollide", "laserRetro"}
 
 
 def test_joints_in_a_circle_are_refused():

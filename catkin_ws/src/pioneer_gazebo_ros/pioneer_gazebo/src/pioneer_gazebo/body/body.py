@@ -38,6 +38,9 @@ LED_MASS = 1e5
 
 LED_INERTIA = Inertia(LED_MASS, LED_MASS, LED_MASS)
 
+HELD = 0.0, Inertia()
+"""Mass [kg] and inertia of a part that nothing moves."""
+
 _LEAST_MOMENT = 0.4 * LEAST_MASS * 0.05**2
 """Moment of inertia of a ball of the minimum mass [kg m²]."""
 
@@ -58,6 +61,9 @@ class Part:
         tuple[str, Pose], ...
     ]  #: (link name, pose in the part) of every link merged into it
     visuals: tuple[Visual, ...] = ()  #: shapes seen by cameras; poses are in the part's frame
+    weightless: tuple[float, Vector] | None = (
+        None  #: mass without gravity [kg] and its centre; None for none
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,10 +125,15 @@ def body_from_model(model: Model, triangles: Triangles) -> Body:
         root = held if any(one.parent == kinds.WORLD for one in model.joints) else model.links[0]
         return Body(model.name, _parts(model, root, root.pose, triangles))
     group = [(link, link.pose) for link in model.links]
-    mass, inertia = (LED_MASS, LED_INERTIA) if model.script is not None else _lumped(group)
+    mass, inertia = _lumped(group)
+    if model.script is not None:
+        mass, inertia = LED_MASS, LED_INERTIA
+    elif any(link.is_kinematic for link in model.links):
+        mass, inertia = HELD
     touches = tuple(Touch(k.name, _moved(c, k.pose)) for k in model.links for c in k.collisions)
     frames = tuple((link.name, link.pose) for link in model.links)
-    part = Part(model.name, -1, None, mass, inertia, touches, frames, _looks(group))
+    weightless = _weightless(group) if model.script is None else None
+    part = Part(model.name, -1, None, mass, inertia, touches, frames, _looks(group), weightless)
     return Body(model.name, (part,), model.script is not None)
 
 
@@ -174,10 +185,13 @@ def _parts(owner: Robot | Model, root: Link, at: Pose, triangles: Triangles) -> 
                 touches[number], drums = as_balls(touches[number], joint, triangles)
                 touches[parent] += drums
         frames.append(IDENTITY if joint is None else frames[parent].compose(joint.pose))
-        held = group[0][0].name == kinds.WORLD or (owner.static and not number)
-        mass, inertia = (0.0, Inertia()) if held else _lumped(group)
+        is_kinematic = any(link.is_kinematic for link, _ in group)
+        held = group[0][0].name == kinds.WORLD or (not number and (owner.static or is_kinematic))
+        mass, inertia = HELD if held else _lumped(group)
         names = tuple((link.name, pose) for link, pose in group if link.name != kinds.WORLD)
-        parts.append(Part(group[0][0].name, parent, joint, mass, inertia, (), names, _looks(group)))
+        looks, weightless = _looks(group), None if held else _weightless(group)
+        name = group[0][0].name
+        parts.append(Part(name, parent, joint, mass, inertia, (), names, looks, weightless))
     return tuple(replace(p, touches=tuple(t)) for p, t in zip(parts, touches, strict=True))
 
 
@@ -246,6 +260,20 @@ def _lumped(group: list[tuple[Link, Pose]]) -> tuple[float, Inertia]:
     matrix[:3, :3], matrix[:3, 3] = axes, centre
     ixx, iyy, izz = (max(float(moment), 1e-9) for moment in moments)
     return mass, Inertia(ixx, iyy, izz, pose=Pose.from_matrix(matrix))
+
+
+def _weightless(group: _Group) -> tuple[float, Vector] | None:
+    """Returns the mass of links without gravity [kg] and its centre in the part's frame; None for none."""
+    masses = [
+        (link.mass, pose.compose(link.inertia.pose).position)
+        for link, pose in group
+        if link.mass > 0 and not link.has_gravity
+    ]
+    mass = sum(one for one, _ in masses)
+    if mass == 0:
+        return None
+    x, y, z = (sum(one * at[axis] for one, at in masses) / mass for axis in range(3))
+    return mass, (x, y, z)
 
 
 def lowest_points(body: Body, pose: Pose, triangles: Triangles) -> list[Vector]:

@@ -69,6 +69,9 @@ CARRYING = 0.7
 NEAR = 0.05
 """A sleeping body wakes if something within this distance [m] of it is moved or removed."""
 
+BEYOND = 5e-4
+"""How far a joint may pass a limit [rad or m]."""
+
 _NOWHERE = (0.0, 0.0, 0.0)
 
 FARTHEST = 1e3
@@ -169,8 +172,24 @@ class BulletEngine:
             self._apply(*push)
         self._missed = []
         pybullet.stepSimulation(physicsClientId=self._client)
+        for handle, made in self._made.items():
+            if made.bounded:
+                self._bring_back(handle, made)
         if self._given or self._pushes:
             self._make_up()
+
+    def _bring_back(self, handle: int, made: Made) -> None:
+        """Brings joints that have passed a limit back to it.
+
+        pybullet holds a joint from the step on in which it is beyond its limit, wherever it is by then. What is left
+        beyond it keeps pybullet holding.
+        """
+        links = [link for link, _, _ in made.bounded]
+        states = pybullet.getJointStates(handle, links, physicsClientId=self._client)
+        for (link, lower, upper), (position, *_) in zip(made.bounded, states, strict=True):
+            nearest = min(max(position, lower - BEYOND), upper + BEYOND)
+            if nearest != position:
+                pybullet.resetJointState(handle, link, nearest, 0.0, physicsClientId=self._client)
 
     def _make_up(self) -> None:
         """Moves bodies that slept through the step in spite of a velocity or a push.

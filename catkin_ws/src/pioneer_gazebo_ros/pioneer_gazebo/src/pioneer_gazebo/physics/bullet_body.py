@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pioneer_gazebo.body.body import LEAST_MASS, Body, Part
@@ -20,6 +20,12 @@ from pioneer_gazebo.physics.quiet_pybullet import pybullet
 from pioneer_gazebo.world import joint as kinds
 from pioneer_gazebo.world.model import Inertia
 from pioneer_gazebo.world.pose import Pose
+
+UNLIMITED = 1e9
+"""Limit of a joint on a side without one [rad or m]."""
+
+STRONGEST_STOP = 1e9
+"""Force by which a joint is held at its limit [N or N m]."""
 
 _SLIGHT = Inertia(1e-6, 1e-6, 1e-6)
 _KINDS = {
@@ -39,6 +45,8 @@ class Made:
     links: list[int]  #: pybullet's link index of each part
     hosts: list[int]  #: the part of each pybullet link, base first
     solid: list[int]  #: pybullet's indices of links that collide with more than the ground
+    #: pybullet's index, lower and upper limit [rad or m] of joints with limits
+    bounded: list[tuple[int, float, float]] = field(default_factory=list)
 
 
 def make_body(body: Body, pose: Pose, client: int) -> tuple[int, Made]:
@@ -87,6 +95,11 @@ def make_body(body: Body, pose: Pose, client: int) -> tuple[int, Made]:
         [hosts.index(number) - 1 for number in range(len(body.parts))],
         hosts,
         [] if body.led else [index - 1 for index, part in enumerate(parts) if not _rolls(part)],
+        [
+            (index - 1, _joint(part).lower, _joint(part).upper)
+            for index, part in enumerate(parts)
+            if is_bounded(part)
+        ],
     )
 
 
@@ -119,6 +132,14 @@ def _rolls(part: Part) -> bool:
     return all(touch.rolling for touch in part.touches)
 
 
+def is_bounded(part: Part) -> bool:
+    """Returns whether the joint that moves a part has limits."""
+    joint = part.joint
+    if joint is None or joint.kind in (kinds.FIXED, kinds.CONTINUOUS):
+        return False
+    return math.isfinite(joint.lower) or math.isfinite(joint.upper)
+
+
 def _joint(part: Part) -> kinds.Joint:
     assert part.joint is not None, "only a base has no joint"
     return part.joint
@@ -138,12 +159,11 @@ def _finish(handle: int, link: int, part: Part, client: int) -> None:
     joint = part.joint
     if joint is not None and joint.kind != kinds.FIXED:
         options["jointDamping"] = joint.damping
-        if (
-            joint.kind != kinds.CONTINUOUS
-            and math.isfinite(joint.lower)
-            and math.isfinite(joint.upper)
-        ):
-            options |= {"jointLowerLimit": joint.lower, "jointUpperLimit": joint.upper}
+        if is_bounded(part):
+            options["jointLowerLimit"] = max(joint.lower, -UNLIMITED)
+            options["jointUpperLimit"] = min(joint.upper, UNLIMITED)
+            # By default 100 N, through which a heavier load falls.
+            options["jointLimitForce"] = STRONGEST_STOP
     pybullet.changeDynamics(handle, link, physicsClientId=client, **options)
     if joint is not None and joint.kind != kinds.FIXED:
         # pybullet puts a motor into every joint; its force is reduced to the joint's friction.

@@ -13,7 +13,7 @@ from pioneer_gazebo.simulation.drive import Drive, Odometry, check_motion
 from pioneer_gazebo.simulation.joint_motor import Follower, JointMotors
 from pioneer_gazebo.simulation.noise_profile import DESCRIBED, NoiseProfile
 from pioneer_gazebo.world.model import Script
-from pioneer_gazebo.world.pose import IDENTITY, Pose, Quaternion, heading, rotated
+from pioneer_gazebo.world.pose import IDENTITY, Pose, Quaternion, Vector, heading, rotated, scaled
 from pioneer_gazebo.world.robot import (
     BaseDriver,
     Device,
@@ -248,6 +248,7 @@ class Entity:
     )
     began: int = 0  #: tick at which its script began
     motion: Velocity = STILL  #: velocity given by its script in the last step
+    is_weightless: bool = field(init=False)  #: whether gravity does not act on some of its parts
     #: outline of its base for lasers; parts that move relative to the base are `Swinging`
     outline: Body = field(init=False)
 
@@ -266,6 +267,7 @@ class Entity:
 
     def __post_init__(self) -> None:
         """Sets the outline: lasers see robots with all joints at 0, but of other models only the base."""
+        self.is_weightless = any(part.weightless is not None for part in self.body.parts)
         self.outline = (
             self.body if self.robot is not None else Body(self.body.name, self.body.parts[:1])
         )
@@ -371,12 +373,23 @@ def control(engine: Engine, entity: Entity, now: Moment, step: float) -> None:
         at_rest = motor.turn(engine, step) and at_rest
     for follower in entity.followers:
         at_rest = follower.turn(engine, step) and at_rest
+    if entity.is_weightless:
+        at_rest = False
     if at_rest != entity.at_rest:
         entity.at_rest = at_rest
         engine.rest(entity.handle, at_rest)
     for driven, wanted in zip(entity.drives, speeds, strict=True):
         if wanted is not None:
             driven.turn(engine, wanted)
+
+
+def carry(engine: Engine, entity: Entity, gravity: Vector) -> None:
+    """Takes the weight of those parts of an entity on which gravity [m/s²] does not act, for the next step."""
+    for number, part in enumerate(entity.body.parts):
+        if part.weightless is not None:
+            mass, centre = part.weightless
+            at = engine.pose(entity.handle, number).transform(centre)
+            engine.push(entity.handle, number, scaled(gravity, -mass), (0.0, 0.0, 0.0), at)
 
 
 def _move(engine: Engine, entity: Entity, now: Moment, step: float) -> bool:

@@ -26,6 +26,7 @@ from pioneer_gazebo.simulation.entity import (
     Earlier,
     Entity,
     Mounted,
+    carry,
     control,
     equip,
     noise_of,
@@ -300,6 +301,8 @@ class Simulation:
         self._wrenches.push(self._stepped, self._stepped + self._period)
         for entity in self._entities.values():
             control(self._engine, entity, now, step)
+            if entity.is_weightless:
+                carry(self._engine, entity, self.physics.gravity)
         self._actors.lead(self._stepped + self._period, step)
         self._engine.step()
         self._stepped += self._period

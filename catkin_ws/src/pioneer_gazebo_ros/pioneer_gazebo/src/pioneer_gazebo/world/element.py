@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Self
 
 from lxml import etree
@@ -14,19 +15,37 @@ from pioneer_gazebo.world.pose import IDENTITY, Pose, Vector
 TRUE, FALSE = ("true", "1"), ("false", "0")
 
 
+@dataclass(slots=True)
+class _Kind:
+    """Where a kind of element was found first, and how often in all."""
+
+    first: str
+    count: int = 0
+
+
 class Notes:
     """Collects notes about what a reader ignores: each line once, in order of first appearance."""
 
     def __init__(self) -> None:
         self._lines: dict[str, None] = {}
+        self._kinds: dict[str, _Kind] = {}
 
     def add(self, line: str) -> None:
         """Adds ``line`` unless already present."""
         self._lines.setdefault(line)
 
+    def count(self, element: "Element", message: str) -> None:
+        """Adds a note about a kind of element: one line with the place of the first one, and how many there are."""
+        kind = self._kinds.setdefault(message, _Kind(f"{element.source}, line {element.line}"))
+        kind.count += 1
+
     def lines(self) -> tuple[str, ...]:
-        """Returns all lines."""
-        return tuple(self._lines)
+        """Returns all lines, those about kinds of elements last."""
+        kinds = []
+        for message, kind in self._kinds.items():
+            often = f" ({kind.count} times)" if kind.count > 1 else ""
+            kinds.append(f"{kind.first}: {message}{often}")
+        return (*self._lines, *kinds)
 
     @contextmanager
     def leaving_out(self) -> Iterator[None]:
@@ -90,6 +109,11 @@ class Element:
         return DescriptionError(
             f"{self.source}, line {self._node.sourceline}: {' '.join(reversed(path))}: {message}"
         )
+
+    @property
+    def line(self) -> int:
+        """The line in its source."""
+        return int(self._node.sourceline or 0)
 
     @staticmethod
     def _label(node: etree._Element) -> str:
@@ -229,3 +253,9 @@ class Element:
         """Returns the text in child ``tag`` (or path), or ``default`` if absent or empty."""
         found = self.child(tag)
         return (found.text if found is not None else "") or default
+
+
+def library_of(plugin: Element) -> str:
+    """Returns the name of a plugin's library without folder, ``lib`` and ``.so``."""
+    file = plugin.attribute("filename", "").rpartition("/")[2]
+    return file.removeprefix("lib").removesuffix(".so")

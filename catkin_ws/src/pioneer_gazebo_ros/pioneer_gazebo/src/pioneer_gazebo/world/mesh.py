@@ -38,7 +38,7 @@ def triangles_of_mesh(mesh: Mesh) -> Triangles:
     Raises:
         DescriptionError: the file cannot be read, is too large, malformed, or of an unknown format.
     """
-    return _read(mesh.path, version(mesh.path)) * np.asarray(mesh.scale)
+    return _triangles(mesh) * np.asarray(mesh.scale)
 
 
 def solid_of_mesh(mesh: Mesh) -> Triangles:
@@ -47,6 +47,8 @@ def solid_of_mesh(mesh: Mesh) -> Triangles:
     Raises:
         DescriptionError: see `triangles_of_mesh`.
     """
+    if mesh.corners:
+        return reduced(_triangles(mesh)) * np.asarray(mesh.scale)
     return _made(reduced, mesh.path, version(mesh.path)) * np.asarray(mesh.scale)
 
 
@@ -56,7 +58,16 @@ def hull_of_mesh(mesh: Mesh) -> Points:
     Raises:
         DescriptionError: see `triangles_of_mesh`.
     """
+    if mesh.corners:
+        return hull_points(_triangles(mesh)) * np.asarray(mesh.scale)
     return _made(hull_points, mesh.path, version(mesh.path)) * np.asarray(mesh.scale)
+
+
+def _triangles(mesh: Mesh) -> Triangles:
+    """Returns a mesh's triangles without its scale."""
+    if mesh.corners:
+        return np.array(mesh.corners).reshape(-1, 3, 3)
+    return _read(mesh.path, version(mesh.path))
 
 
 def prepare(links: Iterable[Link], static: bool, report: Callable[[str], None]) -> None:
@@ -73,7 +84,10 @@ def prepare(links: Iterable[Link], static: bool, report: Callable[[str], None]) 
         DescriptionError: see `triangles_of_mesh`.
     """
     for shape in {
-        one.shape for link in links for one in link.collisions if isinstance(one.shape, Mesh)
+        one.shape
+        for link in links
+        for one in link.collisions
+        if isinstance(one.shape, Mesh) and one.shape.path
     }:
         size = version(shape.path)[1]
         if size > LARGE:
@@ -87,11 +101,13 @@ def _made(make: Callable[[Triangles], Points], path: str, version: tuple[int, in
 
 
 def version(path: str) -> tuple[int, int]:
-    """Returns a file's modification time [ns] and size, used in the keys of everything cached from it.
+    """Returns a file's modification time [ns] and size, used in the keys of everything cached from it; 0 for no file.
 
     Raises:
         DescriptionError: the file cannot be read.
     """
+    if not path:
+        return 0, 0
     try:
         status = os.stat(path)
     except OSError as error:

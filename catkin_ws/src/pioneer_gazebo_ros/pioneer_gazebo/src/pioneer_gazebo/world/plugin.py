@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from pioneer_gazebo.error import DescriptionError
-from pioneer_gazebo.world.element import Element, Notes
+from pioneer_gazebo.world.element import Element, Notes, library_of
 from pioneer_gazebo.world.robot import (
     BaseDriver,
     Device,
@@ -59,11 +59,6 @@ def note_unread(plugin: Element, read: Collection[str], notes: Notes) -> None:
             notes.add(
                 f"<{child.tag}> of plugin lib{library_of(plugin)}.so is not supported and ignored"
             )
-
-
-def library_of(plugin: Element) -> str:
-    """Returns the library's name without folder, ``lib`` and ``.so``."""
-    return plugin.attribute("filename").rpartition("/")[2].removeprefix("lib").removesuffix(".so")
 
 
 def filled(

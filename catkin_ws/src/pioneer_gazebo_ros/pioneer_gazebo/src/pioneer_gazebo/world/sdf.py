@@ -6,32 +6,25 @@ from pathlib import Path
 from typing import Any
 
 from pioneer_gazebo.world.element import Element, Notes
+from pioneer_gazebo.world.element_table import note_unused
 from pioneer_gazebo.world.joint import FIXED, WORLD, Joint, tree_of
-from pioneer_gazebo.world.model import Collision, Link, Model, Plane, Visual, World
+from pioneer_gazebo.world.model import Collision, Light, Link, Model, Plane, Visual, World
 from pioneer_gazebo.world.plugin import Names, read_plugin
 from pioneer_gazebo.world.pose import IDENTITY, Pose
 from pioneer_gazebo.world.resource import content_of, file_of_uri
 from pioneer_gazebo.world.robot import Device
 from pioneer_gazebo.world.sdf_actor import actor_from_sdf
 from pioneer_gazebo.world.sdf_link import Frames, Scope, joint_from_sdf, link_from_sdf
+from pioneer_gazebo.world.sdf_population import places_from_sdf
 from pioneer_gazebo.world.sensor import read_sensor
 
 VERSIONS = ("1.4", "1.5", "1.6", "1.7")
 DEEPEST_INCLUDE = 20
+FASTEST = 1000.0
+"""Maximum real-time factor of a world."""
 
-WORLD_QUIET = {
-    "light", "scene", "gui", "physics", "audio", "wind", "atmosphere", "magnetic_field", "spherical_coordinates",
-    "gravity", "state", "frame",
-}  # fmt: skip
-MODEL_QUIET = {
-    "pose",
-    "static",
-    "plugin",
-    "self_collide",
-    "allow_auto_disable",
-    "enable_wind",
-    "frame",
-}
+SUN = Light("sun", (0.8, 0.8, 0.8, 1.0), constant=0.9, linear=0.01, quadratic=0.001)
+"""The light of ``model://sun`` if the search path has no such model."""
 
 _GROUND = Plane((0.0, 0.0, 1.0), (100.0, 100.0))
 GROUND_PLANE = Model(
@@ -102,22 +95,21 @@ def _sdf(text: str | bytes, source: str, scope: Scope) -> Element:
     version = root.attribute("version")
     if version not in VERSIONS:
         scope.notes.add(f"SDF version {version} is read as if it were {VERSIONS[-1]}")
+    note_unused(root, scope.notes)
     return root
 
 
 def _world(element: Element, scope: Scope) -> World:
     models: dict[str, Model] = {}
     frames = Frames(element)
-    for child in element.children():
-        model = None
-        if child.tag in _MODELS:
-            with scope.leaving_out():
-                model = _MODELS[child.tag](child, frames, scope)
-        elif child.tag not in WORLD_QUIET:
-            scope.notes.add(f"<{child.tag}> in <world> is not supported and left out")
-        if model is not None and not model.links and model.script is None:
-            child.note(scope.notes, "the model has no links and is left out")
-        elif model is not None:
+    for child in element.children(*_MODELS, "population"):
+        found: list[Model] = []
+        with scope.leaving_out():
+            found = _models(child, frames, scope)
+        for model in found:
+            if not model.links and model.script is None:
+                child.note(scope.notes, "the model has no links and is left out")
+                continue
             name = _unused(model.name, models, scope)
             models[name] = _without_planes(dataclasses.replace(model, name=name), scope)
     placed = []
@@ -130,10 +122,100 @@ def _world(element: Element, scope: Scope) -> World:
         for state in parent.children("model")
     }
     moved = tuple(_moved_by_state(model, states.get(model.name)) for model in placed)
-    world = World(element.attribute("name", "default"), moved, _gravity(element))
+    world = World(
+        element.attribute("name", "default"),
+        moved,
+        _gravity(element),
+        _lights(element, scope),
+        _real_time_factor(element, scope),
+    )
     if scope.tolerant:
         _note_what_cannot_stand(element, world, scope.notes)
     return dataclasses.replace(world, warnings=scope.notes.lines())
+
+
+def _models(child: Element, frames: Frames, scope: Scope) -> list[Model]:
+    """Returns the models of a child of ``<world>``."""
+    if child.tag == "population":
+        return _population(child, frames, scope)
+    model = _MODELS[child.tag](child, frames, scope)
+    return [] if model is None else [model]
+
+
+def _population(element: Element, frames: Frames, scope: Scope) -> list[Model]:
+    """Returns the copies of a population's model, named as in Gazebo."""
+    inner = element.child("model") or element.needed("include")
+    model = _MODELS[inner.tag](inner, frames, scope)
+    if model is None:
+        return []
+    copies = []
+    for number, place in enumerate(places_from_sdf(element)):
+        name = f"{model.name}_clone_{number}"
+        pose = Pose(place.position, model.pose.rotation)
+        copies.append(dataclasses.replace(model, name=name, pose=pose))
+    return copies
+
+
+def _lights(world: Element, scope: Scope) -> tuple[Light, ...]:
+    """Returns the world's own lights and those that it includes; one that is invalid is left out, with a note."""
+    lights: dict[str, Light] = {}
+    for child in world.children("light", "include"):
+        with scope.leaving_out():
+            light = _light(child, scope)
+            if light is not None:
+                lights.setdefault(light.name, light)
+    return tuple(lights.values())
+
+
+def _light(element: Element, scope: Scope) -> Light | None:
+    """Returns the light of a ``<light>`` or an ``<include>``; None for the include of something else."""
+    if element.tag == "include":
+        uri = element.needed("uri").text
+        path = file_of_uri(uri, scope.directory, scope.models)
+        if path is None:
+            light = SUN if uri == "model://sun" else None
+        else:
+            file = model_file(path, scope.notes) if path.is_dir() else path
+            root = Element.from_text(content_of(file), str(file), scope.notes)
+            inner = root.child("light")
+            light = None if inner is None or root.child("model") else _light(inner, scope)
+        return light and dataclasses.replace(light, name=element.word("name", light.name))
+    words = element.word("diffuse", "1 1 1 1").split()
+    red, green, blue, *rest = element.numbers(min(len(words), 4), " ".join(words[:4]), "diffuse")
+    return Light(
+        element.attribute("name"),
+        (red, green, blue, rest[0] if rest else 1.0),
+        element.number("attenuation/constant", 1.0),
+        element.number("attenuation/linear", 1.0),
+        element.number("attenuation/quadratic", 0.0),
+    )
+
+
+def _real_time_factor(world: Element, scope: Scope) -> float | None:
+    """Returns the real-time factor that ``<physics>`` asks for, with a note about its step; None if it asks for none.
+
+    In Gazebo it is the product of step and update rate, and ``<real_time_factor>`` has no effect; an update rate of 0
+    is as fast as possible. Here a factor beside such a rate holds.
+    """
+    physics = world.child("physics")
+    given = ("max_step_size", "real_time_update_rate", "real_time_factor")
+    if physics is None or not any(physics.child(tag) for tag in given):
+        return None
+    factor = None
+    with scope.leaving_out():
+        step = physics.number("max_step_size", 0.001)
+        rate = physics.number("real_time_update_rate", 1000.0)
+        factor = step * rate
+        if factor == 0.0:
+            factor = physics.number("real_time_factor", 0.0)
+        if not 0 <= factor <= FASTEST:
+            raise physics.error(f"real-time factor must be 0 … {FASTEST:g} (got {factor:g})")
+        if physics.child("max_step_size") is not None:
+            scope.notes.count(
+                physics, f"<physics>: real-time factor {factor:g}; steps are the simulator's own,"
+                f" not {step:g} s (~physics_rate)",
+            )  # fmt: skip
+    return factor
 
 
 _MODELS: dict[str, Callable[[Element, Frames, Scope], Model | None]] = {
@@ -228,7 +310,7 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
     for child in element.children():
         if child.tag == "link":
             with scope.leaving_out():
-                links.append(link_from_sdf(child, frames.pose(child), scope))
+                links.append(link_from_sdf(child, frames.pose(child), scope, frames))
         elif child.tag == "joint":
             continue
         elif child.tag in ("model", "include"):
@@ -252,8 +334,6 @@ def _model(element: Element, scope: Scope, depth: int) -> Model:
                 joints += inner.joints
                 devices += inner.devices
                 namespace = namespace or inner.namespace
-        elif child.tag not in MODEL_QUIET:
-            scope.notes.add(f"<{child.tag}> in <model> is not supported and left out")
     poses = {link.name: link.pose for link in links}
     for child in element.children("joint"):
         with scope.leaving_out():

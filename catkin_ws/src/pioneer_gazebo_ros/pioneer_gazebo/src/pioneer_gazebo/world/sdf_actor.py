@@ -16,20 +16,6 @@ from pioneer_gazebo.world.model import (
 from pioneer_gazebo.world.pose import Pose
 from pioneer_gazebo.world.sdf_link import Scope, link_from_sdf
 
-QUIET = {
-    "pose",
-    "static",
-    "skin",
-    "animation",
-    "script",
-    "link",
-    "joint",
-    "frame",
-    "self_collide",
-    "enable_wind",
-}
-SCRIPT_QUIET = {"loop", "delay_start", "auto_start", "trajectory"}
-
 PERSON_RADIUS, PERSON_HEIGHT = 0.25, 1.8
 """The upright cylinder that replaces an actor without collisions of its own [m]."""
 
@@ -46,25 +32,19 @@ def actor_from_sdf(element: Element, scope: Scope) -> Model:
     Raises:
         DescriptionError: a script has no waypoints, or waypoint times do not increase.
     """
-    for child in element.children():
-        if child.tag not in QUIET:
-            scope.notes.add(f"<{child.tag}> in <actor> is not supported and left out")
     name, pose = element.attribute("name"), element.placed()
     links = tuple(link_from_sdf(child, child.placed(), scope) for child in element.children("link"))
-    script = _script(element, scope)
+    script = _script(element)
     if any(link.collisions for link in links):
         return Model(name, pose, links=links, script=script)
     upright = script.mapped(lambda pose: Pose.from_rpy(*pose.position, yaw=pose.yaw))
     return Model(name, upright.pose(0.0), links=(_person(element, upright),), script=upright)
 
 
-def _script(actor: Element, scope: Scope) -> Script:
+def _script(actor: Element) -> Script:
     element = actor.child("script")
     if element is None:
         return Script((), actor.placed())
-    for child in element.children():
-        if child.tag not in SCRIPT_QUIET:
-            scope.notes.add(f"<{child.tag}> in <script> is not supported and left out")
     trajectories = tuple(_trajectory(child) for child in element.children("trajectory"))
     home = actor.placed()
     if actor.child("pose") is None and trajectories:

@@ -1,7 +1,7 @@
 """Reads SDF links (inertia, collisions, visuals and their geometry), joints, and the frames of their poses."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +23,7 @@ from pioneer_gazebo.world.model import (
     Visual,
 )
 from pioneer_gazebo.world.pose import IDENTITY, Pose, Vector, conjugate, rotated
+from pioneer_gazebo.world.prism import prism
 from pioneer_gazebo.world.resource import file_of_uri
 
 GREY: Colour = (0.7, 0.7, 0.7, 1.0)
@@ -56,18 +57,6 @@ def colour_of_material(name: str) -> Colour | None:
     return _COLOURS.get(name.rpartition("/")[2].lower())
 
 
-QUIET = {
-    "pose",
-    "self_collide",
-    "enable_wind",
-    "kinematic",
-    "velocity_decay",
-    "must_be_base_link",
-    "gravity",
-    "light",
-    "sensor",
-}
-
 RADIUS_OF_GYRATION = 0.1
 """Assumed for a link with invalid inertia [m]."""
 
@@ -92,51 +81,63 @@ class Scope:
             self.notes.add(f"{error}; it is ignored")
 
 
-def link_from_sdf(element: Element, pose: Pose, scope: Scope) -> Link:
+def link_from_sdf(
+    element: Element, pose: Pose, scope: Scope, frames: "Frames | None" = None
+) -> Link:
     """Returns the link of a ``<link>`` element.
 
     Args:
         element: the ``<link>``.
         pose: of the link in the model, resolved by the caller.
         scope: of the file.
+        frames: named frames of the model, to which poses of shapes may be relative.
     """
-    mass, inertia = _inertial(element.child("inertial"), scope.notes)
-    _note_foreign_frames(element, scope)
+
+    def placed(child: Element) -> Pose:
+        return _placed_in_link(child, pose, element, frames)
+
+    mass, inertia = _inertial(element.child("inertial"), scope.notes, placed)
     collisions = []
     visuals = []
-    for child in element.children():
-        if child.tag in ("collision", "visual"):
-            with scope.leaving_out():
-                shape = _shape(child, scope)
-                if shape is not None and child.tag == "collision":
-                    collisions.append(_collision(child, shape))
-                elif shape is not None:
-                    visuals.append(
-                        Visual(
-                            child.attribute("name", "visual"), child.placed(), shape, _colour(child)
-                        )
-                    )
-        elif child.tag not in QUIET | {"inertial"}:
-            scope.notes.add(f"<{child.tag}> in a world's link is not supported and left out")
-    return Link(element.attribute("name"), pose, mass, inertia, tuple(collisions), tuple(visuals))
+    for child in element.children("collision", "visual"):
+        with scope.leaving_out():
+            shape = _shape(child, scope)
+            if shape is not None and child.tag == "collision":
+                collisions.append(_collision(child, shape, placed(child)))
+            elif shape is not None:
+                name = child.attribute("name", "visual")
+                visuals.append(Visual(name, placed(child), shape, _colour(child)))
+    return Link(
+        element.attribute("name"),
+        pose,
+        mass,
+        inertia,
+        tuple(collisions),
+        tuple(visuals),
+        element.flag("gravity", True),
+        element.flag("kinematic", False),
+    )
 
 
-def _note_foreign_frames(link: Element, scope: Scope) -> None:
-    """Adds a note for each pose of a shape in a frame other than the link's."""
-    for child in link.children("collision", "visual", "inertial"):
-        pose = child.child("pose")
-        frame = "" if pose is None else pose.attribute("relative_to", pose.attribute("frame", ""))
-        if frame not in ("", link.attribute("name", "")):
-            scope.notes.add(
-                f"the frame of a <pose> in <{child.tag}> is not supported: the link's is taken"
-            )
+def _placed_in_link(
+    child: Element, link_pose: Pose, link: Element, frames: "Frames | None"
+) -> Pose:
+    """Returns the pose of a link's child in the link, also if it is given in another frame."""
+    pose = child.child("pose")
+    frame = "" if pose is None else pose.attribute("relative_to", pose.attribute("frame", ""))
+    if frames is None or frame in ("", link.attribute("name", "")):
+        return child.placed()
+    base = IDENTITY if frame == "__model__" else frames.named(frame, child)
+    return link_pose.inverse().compose(base).compose(child.placed())
 
 
-def _inertial(element: Element | None, notes: Notes) -> tuple[float, Inertia]:
+def _inertial(
+    element: Element | None, notes: Notes, placed: Callable[[Element], Pose]
+) -> tuple[float, Inertia]:
     """Returns mass and inertia; physically impossible values are replaced by defaults, with a note."""
     if element is None:
         return 1.0, Inertia()
-    pose = element.placed()
+    pose = placed(element)
     mass = element.number("mass", 1.0)
     if mass <= 0:
         element.needed("mass").note(notes, f"must be > 0 (got {mass:g}); 1 kg is taken")
@@ -156,10 +157,10 @@ def _inertial(element: Element | None, notes: Notes) -> tuple[float, Inertia]:
     return mass, Inertia(ixx, iyy, izz, ixy, ixz, iyz, pose)
 
 
-def _collision(element: Element, shape: Shape) -> Collision:
+def _collision(element: Element, shape: Shape, pose: Pose) -> Collision:
     return Collision(
         element.attribute("name", "collision"),
-        element.placed(),
+        pose,
         shape,
         friction=element.number("surface/friction/ode/mu", 1.0),
         restitution=element.number("surface/bounce/restitution_coefficient", 0.0),
@@ -167,9 +168,11 @@ def _collision(element: Element, shape: Shape) -> Collision:
 
 
 def _shape(element: Element, scope: Scope) -> Shape | None:
-    """Returns the shape in ``<geometry>``; None for an empty one or, with a note, an unsupported one."""
+    """Returns the shape in ``<geometry>``; None for an empty one and one of a kind that is not supported."""
     geometry = element.needed("geometry")
     inner = next(geometry.children(), None)
+    if inner is not None and inner.tag == "polyline":
+        return _prism(list(geometry.children("polyline")))
     if inner is None or inner.tag == "empty":
         return None
     if inner.tag == "box":
@@ -188,14 +191,26 @@ def _shape(element: Element, scope: Scope) -> Shape | None:
         return Plane((0.0, 0.0, 1.0) if normal is None else normal.direction(), (width, depth))
     if inner.tag == "mesh":
         return _mesh(inner, scope)
-    scope.notes.add(f"geometry <{inner.tag}> is not supported and left out")
     return None
+
+
+def _prism(polylines: list[Element]) -> Mesh:
+    """Returns prisms over polygons."""
+    corners: list[Vector] = []
+    for element in polylines:
+        points = []
+        for point in element.children("point"):
+            x, y = point.numbers(2)
+            points.append((x, y))
+        try:
+            corners += prism(points, element.positive("height", 1.0))
+        except ValueError as error:
+            raise element.error(str(error)) from None
+    return Mesh("", corners=tuple(corners))
 
 
 def _mesh(element: Element, scope: Scope) -> Mesh | None:
     uri = element.needed("uri")
-    if element.child("submesh") is not None:
-        scope.notes.add(f"<submesh> of {uri.text} is not supported: the whole mesh is taken")
     scale = element.child("scale")
     path = file_of_uri(uri.text, scope.directory, scope.models)
     if path is None:
@@ -309,8 +324,6 @@ def joint_from_sdf(
         return Joint(name, FIXED, parent, child, own_frame, offset=offset)
     axis = element.needed("axis")
     lower, upper = _limits(axis, kind)
-    if axis.number("dynamics/spring_stiffness", 0.0) != 0.0:
-        scope.notes.add("<spring_stiffness> of a joint is not supported and left out")
     return Joint(
         name,
         CONTINUOUS if kind == REVOLUTE and math.isinf(lower) and math.isinf(upper) else kind,
@@ -320,6 +333,8 @@ def joint_from_sdf(
         _axis(axis, at, frames, element),
         lower,
         upper,
+        effort=_unless_negative(axis.number("limit/effort", -1.0)),
+        velocity=_unless_negative(axis.number("limit/velocity", -1.0)),
         damping=axis.number("dynamics/damping", 0.0),
         friction=axis.number("dynamics/friction", 0.0),
         offset=offset,
@@ -334,6 +349,11 @@ def _limits(axis: Element, kind: str) -> tuple[float, float]:
     if lower > upper:
         raise limit.error(f"lower {lower:g} is above upper {upper:g}")
     return (lower if lower > -UNLIMITED else -math.inf), (upper if upper < UNLIMITED else math.inf)
+
+
+def _unless_negative(value: float) -> float:
+    """Returns a limit; as in SDF, a negative one is none."""
+    return math.inf if value < 0 else value
 
 
 def _axis(element: Element, joint: Pose, frames: Frames, owner: Element) -> Vector:

@@ -81,5 +81,7 @@ def _shape(shape: Shape) -> str:
             return (
                 f"<plane><normal>{_numbers(*normal)}</normal><size>{_numbers(*size)}</size></plane>"
             )
+        case Mesh(path=""):
+            raise ValueError("a mesh that is in no file cannot be written as SDF")
         case Mesh(path=path, scale=scale):
             return f"<mesh><uri>file://{path}</uri><scale>{_numbers(*scale)}</scale></mesh>"

@@ -3,22 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
-from pioneer_gazebo.world.element import Element, Notes
-from pioneer_gazebo.world.plugin import imu_of, in_own_namespace, library_of, note_unread
+from pioneer_gazebo.world.element import Element, Notes, library_of
+from pioneer_gazebo.world.plugin import imu_of, in_own_namespace, note_unread
 from pioneer_gazebo.world.robot import Bumper, Camera, Device, LaserSensor, SonarSensor
 
-QUIET = {
-    "pose",
-    "ray",
-    "camera",
-    "contact",
-    "plugin",
-    "update_rate",
-    "visualize",
-    "always_on",
-    "topic",
-    "imu",
-}
 IMU_PLUGINS = ("gazebo_ros_imu_sensor", "gazebo_ros_imu")
 READ = {
     "topicName", "frameName", "updateRate", "fov", "radiation", "gaussianNoise", "cameraName", "imageTopicName",
@@ -43,9 +31,6 @@ def read_sensor(element: Element, link: str, notes: Notes) -> list[Device]:
     Raises:
         DescriptionError: a value is invalid.
     """
-    for child in element.children():
-        if child.tag not in QUIET:
-            notes.add(f"<{child.tag}> in <sensor> is not supported and ignored")
     plugin = element.child("plugin")
     if (
         element.attribute("type", "") == "imu"

@@ -7,6 +7,7 @@ from pathlib import Path
 from pioneer_gazebo.error import DescriptionError
 from pioneer_gazebo.world import joint as kinds
 from pioneer_gazebo.world.element import Element, Notes
+from pioneer_gazebo.world.element_table import note_unused
 from pioneer_gazebo.world.joint import Joint
 from pioneer_gazebo.world.model import (
     Box,
@@ -28,29 +29,19 @@ from pioneer_gazebo.world.sdf_link import GREY, RADIUS_OF_GYRATION, colour_of_ma
 from pioneer_gazebo.world.sensor import read_sensor
 
 KINDS = (kinds.FIXED, kinds.CONTINUOUS, kinds.REVOLUTE, kinds.PRISMATIC, kinds.FLOATING)
-ROBOT_QUIET = {"material", "link", "joint", "gazebo", "transmission"}
 _X: Vector = (1.0, 0.0, 0.0)
 """The axis of a joint that has no valid one."""
 XACRO = "{http://www.ros.org/wiki/xacro}"
-SURFACE_QUIET = {
-    "mu2",
-    "kp",
-    "kd",
-    "fdir1",
-    "minDepth",
-    "maxVel",
-    "maxContacts",
-    "selfCollide",
-    "laserRetro",
-}
 
 
 @dataclass(frozen=True)
 class Surface:
-    """The surface properties of a link in ``<gazebo reference=LINK>``."""
+    """The properties of a link in ``<gazebo reference=LINK>``."""
 
     friction: float = 1.0
     colour: Colour | None = None
+    has_gravity: bool = True
+    is_kinematic: bool = False
 
 
 @dataclass
@@ -84,8 +75,7 @@ def robot_from_urdf(text: str | bytes, source: str = "robot_description") -> Rob
     for child in root.children():
         if child.tag.startswith(XACRO):
             raise child.error("is xacro: expand it first (xacro FILE)")
-        if child.tag not in ROBOT_QUIET:
-            notes.add(f"<{child.tag}> in <robot> is not supported and left out")
+    note_unused(root, notes)
     materials: dict[str, Colour] = {}
     for material in root.children("material"):
         with notes.leaving_out():
@@ -158,7 +148,16 @@ def _link(
                 colour = surface.colour or _colour(child, materials)
                 label = child.attribute("name", f"{name}_visual_{index}")
                 visuals.append(Visual(label, _origin(child), shape, colour))
-    return Link(name, IDENTITY, mass, inertia, tuple(collisions), tuple(visuals))
+    return Link(
+        name,
+        IDENTITY,
+        mass,
+        inertia,
+        tuple(collisions),
+        tuple(visuals),
+        surface.has_gravity,
+        surface.is_kinematic,
+    )
 
 
 def _inertial(element: Element | None, notes: Notes) -> tuple[float, Inertia]:
@@ -370,8 +369,14 @@ def _read_reference(
                 surface = dataclasses.replace(surface, friction=child.numbers(1, _said(child))[0])
         elif child.tag == "material":
             surface = dataclasses.replace(surface, colour=colour_of_material(_said(child)))
-        elif child.tag not in SURFACE_QUIET:
-            notes.add(f"<{child.tag}> in <gazebo reference> is not supported and ignored")
+        elif child.tag in ("turnGravityOff", "gravity", "kinematic"):
+            with notes.leaving_out():
+                given = child.truth(_said(child))
+                if child.tag == "kinematic":
+                    surface = dataclasses.replace(surface, is_kinematic=given)
+                else:
+                    has_gravity = given == (child.tag == "gravity")
+                    surface = dataclasses.replace(surface, has_gravity=has_gravity)
     extensions.surfaces[link] = surface
 
 
@@ -391,5 +396,3 @@ def _read_model(element: Element, extensions: Extensions, names: Names, notes: N
             extensions.namespace = extensions.namespace or child.word("robotNamespace", "").strip(
                 "/"
             )
-        else:
-            notes.add(f"<{child.tag}> in <gazebo> is not supported and ignored")
