@@ -294,7 +294,8 @@ def _is_idle(rule: Rule, element: Element, parent: Element) -> bool:
     if element.tag == "plugin":
         return library_of(element) in BUILT_IN
     if rule.is_branch:
-        return not any(_is_active(leaf) for leaf in _leaves(element))
+        is_named_only = next(element.children(), None) is None and element.attribute("name", "")
+        return not is_named_only and not any(_is_active(leaf) for leaf in _leaves(element))
     text = element.attribute("value", element.text)
     if rule.idle == ("mu",):
         first = parent.child("mu") or parent.child("mu1")
