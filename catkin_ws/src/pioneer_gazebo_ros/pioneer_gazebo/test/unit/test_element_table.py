@@ -73,8 +73,6 @@ STATE = (
     + """<state><model name='crate'><pose>1 0 0 0 0 0</pose><link name='l'><pose>2 0 0 0 0 0</pose></link>
 </model>{}</state>"""
 )
-LIGHT = """<light name='l'><diffuse>1 0 0 1</diffuse><attenuation><constant>0.5</constant><linear>0.4</linear>
-<quadratic>0.3</quadratic></attenuation>{}</light>"""
 INCLUDE = "<include><uri>model://ground_plane</uri><name>n</name><pose>1 0 0 0 0 0</pose><static>1</static>{}</include>"
 GEOMETRY = """<model name='m'><static>1</static><link name='l'><collision name='c'><geometry>{}</geometry></collision>
 </link></model>"""
@@ -116,11 +114,6 @@ PAIRS: dict[str, list[tuple[str, str, str]]] = {
                      "<pose relative_to='f'/><link name='l'>")],
     "world/state": [(STATE, "<state><model name='crate'>", "<state><model name='box'>")],
     "world/physics": [(PHYSICS, "<physics>", "<physics><gravity>0 0 -9</gravity>")],
-    "world/light": [(LIGHT, "name='l'", "name='k'")],
-    "world/light/diffuse": [(LIGHT, "1 0 0 1", "0 1 0 1")],
-    "world/light/attenuation/constant": [(LIGHT, "0.5", "0.6")],
-    "world/light/attenuation/linear": [(LIGHT, "0.4", "0.6")],
-    "world/light/attenuation/quadratic": [(LIGHT, "0.3", "0.6")],
     "include/uri": [(INCLUDE, "ground_plane", "nothing")],
     "include/name": [(INCLUDE, "<name>n", "<name>o")],
     "include/pose": [(INCLUDE, "1 0 0", "2 0 0")],
@@ -274,7 +267,6 @@ PAIRS: dict[str, list[tuple[str, str, str]]] = {
 
 CONTEXTS = {
     "world": "{}",
-    "world/light": LIGHT,
     "include": INCLUDE,
     "frame": f"<frame name='f'>{{}}</frame>{CRATE}",
     "population": CROWD.format("random", BOX + "{}"),

@@ -19,9 +19,7 @@ NAMED = "named"
 TABLE = """
 world
   used    gravity model actor include population frame state physics
-  used    light light/diffuse light/attenuation/constant light/attenuation/linear light/attenuation/quadratic
-  quiet   light/pose light/cast_shadows light/specular light/direction light/frame light/spot/*
-  quiet   light/attenuation/range
+  quiet   light/*
   quiet   gui/* scene/* audio/* atmosphere/* magnetic_field spherical_coordinates/* wind/*
   named   road/* joint/* plugin
 

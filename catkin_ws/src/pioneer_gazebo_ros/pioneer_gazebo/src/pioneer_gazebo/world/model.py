@@ -247,24 +247,12 @@ class PlacedCollision:
 
 
 @dataclass(frozen=True, slots=True)
-class Light:
-    """A light. Pictures do not depend on it; services read and change it."""
-
-    name: str  #: unique in the world
-    diffuse: Colour = (1.0, 1.0, 1.0, 1.0)
-    constant: float = 1.0  #: part of the attenuation that does not depend on the distance, 0 … 1
-    linear: float = 1.0  #: part that grows with the distance, 0 … 1
-    quadratic: float = 0.0  #: part that grows with its square
-
-
-@dataclass(frozen=True, slots=True)
 class World:
     """A complete world."""
 
     name: str  #: name in the file
     models: tuple[Model, ...] = ()  #: in file order, with unique names
     gravity: Vector = (0.0, 0.0, -9.81)  #: acceleration along x, y, z [m/s²]
-    lights: tuple[Light, ...] = ()  #: with unique names
     #: simulated seconds per wall second that it asks for; 0: as fast as possible; None for none
     real_time_factor: float | None = None
     #: one line for each kind of unsupported element that was ignored

@@ -8,7 +8,7 @@ from typing import Any
 from pioneer_gazebo.world.element import Element, Notes
 from pioneer_gazebo.world.element_table import note_unused
 from pioneer_gazebo.world.joint import FIXED, WORLD, Joint, tree_of
-from pioneer_gazebo.world.model import Collision, Light, Link, Model, Plane, Visual, World
+from pioneer_gazebo.world.model import Collision, Link, Model, Plane, Visual, World
 from pioneer_gazebo.world.plugin import Names, read_plugin
 from pioneer_gazebo.world.pose import IDENTITY, Pose
 from pioneer_gazebo.world.resource import content_of, file_of_uri
@@ -22,9 +22,6 @@ VERSIONS = ("1.4", "1.5", "1.6", "1.7")
 DEEPEST_INCLUDE = 20
 FASTEST = 1000.0
 """Maximum real-time factor of a world."""
-
-SUN = Light("sun", (0.8, 0.8, 0.8, 1.0), constant=0.9, linear=0.01, quadratic=0.001)
-"""The light of ``model://sun`` if the search path has no such model."""
 
 _GROUND = Plane((0.0, 0.0, 1.0), (100.0, 100.0))
 GROUND_PLANE = Model(
@@ -126,7 +123,6 @@ def _world(element: Element, scope: Scope) -> World:
         element.attribute("name", "default"),
         moved,
         _gravity(element),
-        _lights(element, scope),
         _real_time_factor(element, scope),
     )
     if scope.tolerant:
@@ -154,41 +150,6 @@ def _population(element: Element, frames: Frames, scope: Scope) -> list[Model]:
         pose = Pose(place.position, model.pose.rotation)
         copies.append(dataclasses.replace(model, name=name, pose=pose))
     return copies
-
-
-def _lights(world: Element, scope: Scope) -> tuple[Light, ...]:
-    """Returns the world's own lights and those that it includes; one that is invalid is left out, with a note."""
-    lights: dict[str, Light] = {}
-    for child in world.children("light", "include"):
-        with scope.leaving_out():
-            light = _light(child, scope)
-            if light is not None:
-                lights.setdefault(light.name, light)
-    return tuple(lights.values())
-
-
-def _light(element: Element, scope: Scope) -> Light | None:
-    """Returns the light of a ``<light>`` or an ``<include>``; None for the include of something else."""
-    if element.tag == "include":
-        uri = element.needed("uri").text
-        path = file_of_uri(uri, scope.directory, scope.models)
-        if path is None:
-            light = SUN if uri == "model://sun" else None
-        else:
-            file = model_file(path, scope.notes) if path.is_dir() else path
-            root = Element.from_text(content_of(file), str(file), scope.notes)
-            inner = root.child("light")
-            light = None if inner is None or root.child("model") else _light(inner, scope)
-        return light and dataclasses.replace(light, name=element.word("name", light.name))
-    words = element.word("diffuse", "1 1 1 1").split()
-    red, green, blue, *rest = element.numbers(min(len(words), 4), " ".join(words[:4]), "diffuse")
-    return Light(
-        element.attribute("name"),
-        (red, green, blue, rest[0] if rest else 1.0),
-        element.number("attenuation/constant", 1.0),
-        element.number("attenuation/linear", 1.0),
-        element.number("attenuation/quadratic", 0.0),
-    )
 
 
 def _real_time_factor(world: Element, scope: Scope) -> float | None:
