@@ -123,7 +123,8 @@ def ensure_registry_image(name: str) -> None:
     Raises:
         ContainerError: a step failed.
     """
-    sources = hashlib.sha256((ROOT / _REGISTRY).read_bytes()).hexdigest()[:32]
+    files = [(ROOT / part).read_bytes() for part in (_REGISTRY, "docker/registry")]
+    sources = hashlib.sha256(b"".join(files)).hexdigest()[:32]
     if _label(name) != sources:
         _begin(name)
         run_step([str(ROOT / "docker" / "base")])

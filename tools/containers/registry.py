@@ -16,8 +16,16 @@ ANSWER = 60.0
 CONTAINER = "pioneer-registry"
 """Name of the registry's container on the manager, and of its image and volume."""
 VOLUME = f"{CONTAINER}:/var/lib/docker-registry"
-ADDRESS = "pioneer.address"
-"""Container label with the manager's address on which the registry listens."""
+READABLE_AT = "pioneer.readable-at"
+"""Container label with the manager's address on which other machines may pull.
+
+Registries of earlier versions lack it: they let any machine push, and are replaced.
+"""
+LOOPBACK = "127.0.0.1"
+"""Where the manager pushes. No other machine reaches it, because the container has the manager's own network: what
+Docker publishes on the loopback can be reached from the LAN by a route to the container's address."""
+KIND = "Pioneer-Registry"
+"""HTTP header by which the registry names itself; any other program may hold the port."""
 
 
 def distribute(address: str, manager: Node, nodes: Sequence[Node]) -> str:
@@ -35,7 +43,7 @@ def distribute(address: str, manager: Node, nodes: Sequence[Node]) -> str:
     )
     to = address
     if not address:
-        address, to = f"{manager.address}:{PORT}", f"127.0.0.1:{PORT}"
+        address, to = f"{manager.address}:{PORT}", f"{LOOPBACK}:{PORT}"
         for node in nodes:
             if node != manager:
                 check_trust(node, address)
@@ -60,7 +68,7 @@ def check_trust(node: Node, address: str) -> None:
 
 def _start(address: str) -> None:
     """Starts our registry unless it runs; replaces one on a former address. It outlives fleets."""
-    fields = f'{{{{.Label "{ADDRESS}"}}}} {{{{.State}}}}'
+    fields = f'{{{{.Label "{READABLE_AT}"}}}} {{{{.State}}}}'
     there = output(
         "docker", "ps", "-a", "--filter", f"name=^{CONTAINER}$", "--format", fields
     ).split()
@@ -68,24 +76,25 @@ def _start(address: str) -> None:
         output("docker", "rm", "-f", CONTAINER)
     if not there or there[0] != address:
         ensure_registry_image(CONTAINER)
-        published = [
-            word for host in ("127.0.0.1", address) for word in ("-p", f"{host}:{PORT}:{PORT}")
-        ]
-        words = ["--label", f"{ADDRESS}={address}", "--restart", "unless-stopped", "-v", VOLUME]
-        output("docker", "run", "-d", "--name", CONTAINER, *published, *words, CONTAINER)
+        options = ["--network", "host", "--restart", "unless-stopped", "-v", VOLUME]
+        options += ["--label", f"{READABLE_AT}={address}", "-e", f"PIONEER_ADDRESS={address}:{PORT}"]
+        output("docker", "run", "-d", "--name", CONTAINER, *options, CONTAINER)
     elif there[1] != "running":
         output("docker", "start", CONTAINER)
-    if not awaited(_answers, ANSWER):
+    places = {"writable": LOOPBACK, "readable": address}
+    if not awaited(lambda: all(_answers(host, kind) for kind, host in places.items()), ANSWER):
         raise ContainerError(
-            f"the registry does not answer after {ANSWER:g} s: docker logs {CONTAINER}"
+            f"the registry does not answer after {ANSWER:g} s; does another program use port {PORT}? "
+            f"docker logs {CONTAINER}"
         )
 
 
-def _answers() -> bool:
-    line = http.client.HTTPConnection("127.0.0.1", PORT, timeout=5.0)
+def _answers(host: str, kind: str) -> bool:
+    line = http.client.HTTPConnection(host, PORT, timeout=5.0)
     with contextlib.closing(line):
         try:
             line.request("GET", "/v2/")
-            return line.getresponse().status == http.client.OK
+            answer = line.getresponse()
         except (OSError, http.client.HTTPException):
             return False
+        return answer.status == http.client.OK and answer.headers[KIND] == kind

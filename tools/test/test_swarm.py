@@ -274,7 +274,7 @@ def test_a_machine_that_fails_to_begin_a_computer_time_and_again_is_named_with_t
         ("running", ["docker rm", "docker run"]),
     ],
 )
-def test_a_registry_that_listens_on_a_former_address_is_replaced(
+def test_a_registry_of_a_former_address_or_version_is_replaced(
     there: str, done: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     called: list[str] = []
@@ -286,7 +286,7 @@ def test_a_registry_that_listens_on_a_former_address_is_replaced(
 
     monkeypatch.setattr(registry, "output", output)
     monkeypatch.setattr(registry, "ensure_registry_image", lambda *_: None)
-    monkeypatch.setattr(registry, "_answers", lambda: True)
+    monkeypatch.setattr(registry, "_answers", lambda *_: True)
     registry._start("10.0.0.1")
     assert called == done
 
