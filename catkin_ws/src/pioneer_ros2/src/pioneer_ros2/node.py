@@ -101,8 +101,10 @@ class DoorNode:
         self._announced: tuple[list[bytes], list[bytes]] | None = None
         self._apply_is_due = False
         self._ended = False
+        self._held = [str(name) for name in config.held]
+        self._is_held_kept = True
         self._stop = EmergencyStop(
-            node, self._messages, self._rules.stop, map(str, config.held), self._keep_held
+            node, self._messages, self._rules.stop, self._held, self._keep_held
         )
         self._log = StateLog()
         self._reported: list[State] = []
@@ -158,6 +160,8 @@ class DoorNode:
     def _take_state(self, state: Any) -> None:
         self._master_problem = ""
         self._looks += 1
+        if not self._is_held_kept:
+            self._write_held()
         if state == self._system_state and self._looks % _TYPES_EVERY:
             self._apply()
             return
@@ -181,6 +185,7 @@ class DoorNode:
         if self._was_registered and not is_registered:
             self._node.logger.warning("the ROS 1 master was restarted; registering again")
             self._node.register_again()
+            self._is_held_kept = False
         self._was_registered |= is_registered
 
     def _others(self, rows: list[tuple[str, list[str]]]) -> set[str]:
@@ -216,8 +221,19 @@ class DoorNode:
     def _keep_held(self, held: list[str]) -> None:
         """Applies what is held, and stores it: a node that takes the place of this one holds it again."""
         self._mute_held()
+        self._held = held
+        self._write_held()
+
+    def _write_held(self) -> None:
+        """Stores what is held; until the master has it, each look stores it again."""
+        self._is_held_kept = False
+        held = self._held
+
+        def done(_: Any) -> None:
+            self._is_held_kept = held is self._held
+
         name = self._node.resolved("~held")
-        self._master.call("setParam", (self._node.name, name, held), _ignore, self._no_master)
+        self._master.call("setParam", (self._node.name, name, held), done, self._no_master)
 
     def _all_topics(self) -> list[ExportTopic | ImportTopic]:
         return [*self._exports.values(), *self._imports.values()]
@@ -341,10 +357,6 @@ class DoorNode:
         if self._participant is not None:
             self._participant.close()
         done()
-
-
-def _ignore(_answer: Any) -> None:
-    """Takes an answer that says nothing."""
 
 
 def _types_by_topic(endpoints: dict[str, set[str]]) -> dict[str, set[str]]:

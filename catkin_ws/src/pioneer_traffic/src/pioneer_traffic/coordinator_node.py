@@ -22,6 +22,7 @@ from nav_bundle.base.transform_store import FUTURE_LIMIT
 from nav_bundle.maps.conversions import GridMessage, grid_from_message
 from pioneer_node.core.parameter import config_from_mapping
 from pioneer_node.nodes import entry
+from pioneer_node.nodes.kept_parameter import KeptParameter
 from pioneer_node.nodes.rospy_handle import RospyHandle
 from pioneer_node.nodes.standing_warning import StandingWarning
 from pioneer_traffic.config import PilotConfig
@@ -49,7 +50,6 @@ from pioneer_traffic.event import (
     StretchEnded,
 )
 from pioneer_traffic.goal_server import GoalServer
-from pioneer_traffic.kept_hold import KeptHold
 from pioneer_traffic.msg import Report as ReportMessage
 from pioneer_traffic.pilot import Pilot
 from pioneer_traffic.roadmap import FreeSpace, Roadmap
@@ -62,6 +62,8 @@ _PERIOD = 0.2
 _SHORTEST = 0.02
 """Minimum time between two steps when goals and cancels arrive [s]."""
 _COMPLAIN_EVERY = 10.0
+_HELD = "traffic/held"
+"""Parameter in the robot's namespace: why the robot stays until its next goal; empty if it does not."""
 
 
 class _GoalArrived:
@@ -109,8 +111,8 @@ class CoordinatorNode:
         self._events: queue.SimpleQueue[Event | _GoalArrived | ReportMessage] = queue.SimpleQueue()
         self._kept: list[Event] = []  # events that arrived before the first period of a lockstep
         self._wake = threading.Event()
-        self._hold = KeptHold()
-        self._pilot = Pilot(self._robot, config, self._fleet, self._hold.reason)
+        self._hold = KeptParameter(_HELD, "")
+        self._pilot = Pilot(self._robot, config, self._fleet, str(self._hold.value))
         self._roadmap: Roadmap | None = None
         self._reporting: set[str] = set()
         self._stepped_at = -math.inf

@@ -1,11 +1,9 @@
 """The coordinator node without a master: each way to stop its robot reaches the pilot, and a stop is kept."""
 
-import http.client
 import queue
 import threading
 from types import SimpleNamespace
 from typing import Any
-from xml.parsers.expat import ExpatError
 
 import pytest
 import rospy
@@ -14,7 +12,6 @@ from geometry_msgs.msg import PoseStamped
 from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseGoal
 
 from nav_bundle.base.transform import DisconnectedError, Transform
-from pioneer_traffic import kept_hold
 from pioneer_traffic.config import PilotConfig
 from pioneer_traffic.coordinator_node import CoordinatorNode, _GoalArrived
 from pioneer_traffic.event import CancelRequested, Event, MoveBaseTaken, NewRoadmap
@@ -252,60 +249,3 @@ def test_taking_a_goal_waits_for_no_transform(monkeypatch: pytest.MonkeyPatch) -
     assert server.take() is None
     assert patience == [0.0]
     assert aborted == ["no transform"]
-
-
-class Master:
-    """Keeps the parameter; ``fails`` makes the next call fail."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, value: str = "") -> None:
-        self.value, self.fails = value, False
-        self.error: Exception = OSError("the master has ended")
-        self.writes: queue.SimpleQueue[str] = queue.SimpleQueue()
-        monkeypatch.setattr(rospy, "get_param", lambda *_: self.value)
-        monkeypatch.setattr(rospy, "set_param", self._set)
-        monkeypatch.setattr(rospy, "logwarn", lambda *_: None)
-
-    def _set(self, _: str, value: str) -> None:
-        fails, self.fails = self.fails, False
-        self.writes.put(value)
-        if fails:
-            raise self.error
-        self.value = value
-
-
-def test_a_hold_is_read_at_the_start_and_written_once_at_each_change(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    master = Master(monkeypatch, "cancelled by /rviz")
-    hold = kept_hold.KeptHold()
-    assert hold.reason == "cancelled by /rviz"
-    for reason in ("cancelled by /rviz", "", "", "moved by hand"):
-        hold.keep(reason)
-    assert [master.writes.get(timeout=10.0) for _ in range(2)] == ["", "moved by hand"]
-    assert master.writes.empty()
-
-
-@pytest.mark.parametrize(
-    "error", [OSError("it is away"), http.client.BadStatusLine(""), ExpatError("half an answer")]
-)
-def test_a_hold_that_could_not_be_written_is_written_later(
-    monkeypatch: pytest.MonkeyPatch, error: Exception
-) -> None:
-    """One failed write used to lose the stop for good, and some errors ended all writing."""
-    monkeypatch.setattr(kept_hold, "RETRY", 0.01)
-    master = Master(monkeypatch)
-    master.fails, master.error = True, error
-    kept_hold.KeptHold().keep("cancelled by /rviz")
-    assert [master.writes.get(timeout=10.0) for _ in range(2)] == ["cancelled by /rviz"] * 2
-
-
-def test_a_master_that_fails_ends_no_later_write(monkeypatch: pytest.MonkeyPatch) -> None:
-    master = Master(monkeypatch)
-    master.fails = True
-    hold = kept_hold.KeptHold()
-    hold.keep("cancelled by /rviz")
-    hold.keep("moved by hand")
-    assert [master.writes.get(timeout=10.0) for _ in range(2)] == [
-        "cancelled by /rviz",
-        "moved by hand",
-    ]

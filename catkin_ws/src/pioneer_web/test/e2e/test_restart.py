@@ -18,6 +18,9 @@ def test_robots_are_held_after_a_restart_until_they_are_released(tmp_path):
     with served(tmp_path) as fleet:
         assert _answer(fleet, "stop", "pioneer2") == "pioneer2 stopped and held"
         wait_until(lambda: _kept(fleet) == ["pioneer2"], "the hold", 10)
+        # A restarted master has no parameters.
+        rosgraph.Master("/test", fleet.master.uri).deleteParam("/fleet_page/held")
+        wait_until(lambda: _kept(fleet) == ["pioneer2"], "the hold at the master again", 30)
         fleet.restart()
         assert _held(fleet) == {"pioneer1": False, "pioneer2": True}
         assert "stopped; release first" in _answer(fleet, "drive", "pioneer2", x=0.0, y=0.0)

@@ -16,6 +16,7 @@ from std_srvs.srv import Empty, Trigger
 
 from pioneer_fleet.geometry import Pose
 from pioneer_fleet.monitor.conversions import pose_from_message
+from pioneer_node.nodes.kept_parameter import KeptParameter
 from pioneer_web.command.command import Command, CommandError
 from pioneer_web.command.patrol import FEWEST, Patrol
 from pioneer_web.command.recording import Recording
@@ -75,8 +76,9 @@ class Commander:
             "seek": self._seek,
         }
         self._seeks = rospy.Publisher("/replay/seek", Float64, queue_size=1)
-        held = rospy.get_param(HELD, [])
-        self._held_before = frozenset(map(str, held if isinstance(held, list) else []))
+        self._kept = KeptParameter(HELD, [])
+        before = self._kept.value
+        self._held_before = set(map(str, before if isinstance(before, list) else []))
         self._due: dict[str, list[Pose]] = {}
         self._replacing = threading.Lock()
         self._boxes = itertools.count(1)
@@ -91,6 +93,7 @@ class Commander:
         self._publishers |= {robot.name: _advertise(robot.name) for robot in robots}
         for robot in robots:
             robot.held = robot.name in self._held_before
+            self._held_before.discard(robot.name)
         self._robots = self._robots | {robot.name: robot for robot in robots}
         if any(robot.held for robot in robots):
             with self._changed:
@@ -219,15 +222,20 @@ class Commander:
             self._robots[name].held = True
             self._drop_waypoints(name)
             self._publish(name, "move_base/cancel", GoalID())
+        self._keep_held()
         with self._changed:
             self._changed.notify()
         # The master may answer late, and the next stop must not wait for it.
         self._registering.submit(self._update_guards)
         return f"{', '.join(robots)} stopped and held"
 
+    def _keep_held(self) -> None:
+        """Keeps which robots are held, also those that were and have not come back yet."""
+        held = {name for name, robot in self._robots.items() if robot.held}
+        self._kept.keep(sorted(held | self._held_before))
+
     def _update_guards(self) -> None:
-        """Keeps which robots are held, subscribes to their commands, and ends the subscriptions of the others."""
-        rospy.set_param(HELD, [name for name, robot in self._robots.items() if robot.held])
+        """Subscribes to held robots' commands, and ends the subscriptions of the others."""
         for name, robot in self._robots.items():
             if robot.held and name not in self._guards:
                 topic = f"/{name}/pioneer/cmd_vel"
@@ -240,6 +248,7 @@ class Commander:
     def _release(self, robots: Sequence[str]) -> str:
         for name in robots:
             self._robots[name].held = False
+        self._keep_held()
         self._registering.submit(self._update_guards)
         return f"{', '.join(robots)} released"
 
