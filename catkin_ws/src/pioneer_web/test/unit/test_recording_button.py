@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 from pioneer_harness.masters import Master
 from pioneer_harness.wait import START, wait_until
 from pioneer_web.command.command import CommandError
-from pioneer_web.command.recording import Recording
+from pioneer_web.command.recording import RecorderProcess, Recording
 from pioneer_web.state.station import Station
 
 
@@ -61,3 +62,23 @@ def test_a_recording_that_a_full_disk_ends_is_an_alert_until_the_next(
     assert recording.fault == ""
     wait_until(lambda: Path(recording.file).exists(), "the next file", START)
     assert "0 messages, 0 dropped" in recording.stop()
+
+
+TALKATIVE = """
+import signal, sys
+signal.signal(signal.SIGTERM, lambda *_: sys.exit(print("the end") or 0))
+for number in range(5000):
+    print(f"line {number} of a hundred bytes".ljust(100), flush=True)
+open(sys.argv[1], "w").close()
+signal.pause()
+"""
+
+
+def test_a_recorder_that_prints_more_than_a_pipe_holds_is_not_stopped(tmp_path: Path) -> None:
+    """Its output was read only at its end, so that it stood still after 64 KiB."""
+    done = tmp_path / "done"
+    process = RecorderProcess([sys.executable, "-c", TALKATIVE, str(done)])
+    wait_until(done.exists, "half a megabyte of output", START)
+    assert process.status is None
+    assert process.end() == 0
+    assert process.last_line == "the end"
