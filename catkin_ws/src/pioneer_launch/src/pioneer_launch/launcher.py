@@ -7,6 +7,7 @@ this workspace, has a ``launch-prefix``, or changes environment variables that t
 """
 
 import contextlib
+import errno
 import importlib
 import os
 import shutil
@@ -128,9 +129,26 @@ def fork_nodes(server: ForkServer) -> None:
 
     # LocalProcess.start uses only Popen of subprocess, so nothing else needs replacing.
     _popen.append(starter(server))
-    roslaunch.nodeprocess.subprocess = SimpleNamespace(Popen=_popen[-1], PIPE=subprocess.PIPE)
+    popen = refuse_while_ending(_popen[-1])
+    roslaunch.nodeprocess.subprocess = SimpleNamespace(Popen=popen, PIPE=subprocess.PIPE)
     watch_processes()
     read_versions_here()
+
+
+def refuse_while_ending(start: Callable[..., Started]) -> Callable[..., Started]:
+    """Returns a ``Popen`` for roslaunch that starts nothing once a signal has ended its process monitor.
+
+    roslaunch handles a signal between any two instructions: its monitor ends all nodes, and then the interrupted launch
+    of the next node continues. Nobody would end that node.
+    """
+    import roslaunch.pmon
+
+    def start_unless_ending(arguments: Sequence[str], **how: Any) -> Started:
+        if roslaunch.pmon._shutting_down:
+            raise OSError(errno.ECANCELED, "roslaunch is ending")
+        return start(arguments, **how)
+
+    return start_unless_ending
 
 
 def started(command: Sequence[str]) -> Started:

@@ -103,7 +103,9 @@ class ConcertRunner:
         deadline = time.monotonic() + GENTLE
         for process in self._processes:
             process.wait(max(0.0, deadline - time.monotonic()))
-            left = [child.pid for child in descendants[process.pid] if child.is_running()]
+            # A roslaunch that is interrupted while it starts a node may have it running only now.
+            known = {*descendants[process.pid], *_descendants(process.pid)}
+            left = [child.pid for child in known if child.is_running()]
             if process.status is None or left:
                 process.kill(left)
             process.close()
