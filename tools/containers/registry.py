@@ -77,7 +77,12 @@ def _start(address: str) -> None:
     if not there or there[0] != address:
         ensure_registry_image(CONTAINER)
         options = ["--network", "host", "--restart", "unless-stopped", "-v", VOLUME]
-        options += ["--label", f"{READABLE_AT}={address}", "-e", f"PIONEER_ADDRESS={address}:{PORT}"]
+        options += [
+            "--label",
+            f"{READABLE_AT}={address}",
+            "-e",
+            f"PIONEER_ADDRESS={address}:{PORT}",
+        ]
         output("docker", "run", "-d", "--name", CONTAINER, *options, CONTAINER)
     elif there[1] != "running":
         output("docker", "start", CONTAINER)

@@ -106,7 +106,7 @@ def test_other_machines_pull_from_the_registry_and_cannot_push_to_it(
     assert pulled == pushed
     for image in (name, f"{address}/pioneer:theirs"):
         output(*other, "tag", name, image)
-        with pytest.raises(ContainerError, match="docker .*failed"):
+        with pytest.raises(ContainerError, match=r"docker .*failed"):
             output(*other, "push", "-q", image)
     outside = ["ip", "netns", "exec", host.link, "python3", "-c", _WRITES, address]
     said = subprocess.run(outside, capture_output=True, text=True, check=True).stdout
