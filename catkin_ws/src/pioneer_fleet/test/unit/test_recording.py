@@ -4,6 +4,7 @@ import contextlib
 import io
 import os
 import pty
+import random
 import signal
 import struct
 import subprocess
@@ -15,6 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import rosbag
+import rospy
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_ros1.decoder import DecoderFactory
@@ -30,6 +33,7 @@ from pioneer_fleet.recording.recording import (
     RecordingError,
     is_complete,
     messages_of,
+    topics_of,
 )
 from pioneer_harness.masters import Master
 from pioneer_harness.process import ProcessGroup
@@ -537,3 +541,27 @@ def test_a_name_that_is_not_utf8_is_refused_in_one_line(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes().replace(b"/wordsXX", b"/words\xff\xff"))
     with pytest.raises(RecordingError, match="utf-8"):
         list(messages_of(path))
+
+
+@pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
+def test_an_error_of_a_damaged_bag_names_its_file(tmp_path: Path, compression: str) -> None:
+    """Errors of the decompression came through without it."""
+    path = tmp_path / "run.bag"
+    drawn = random.Random(5)
+    with rosbag.Bag(str(path), "w", compression, chunk_threshold=400) as written:
+        for number in range(100):
+            text = String(str(drawn.random()))
+            written.write(f"/topic{number % 3}", text, rospy.Time(1000 + number))
+    whole = path.read_bytes()
+    faults = []
+    for _ in range(300):
+        damaged = bytearray(whole)
+        damaged[drawn.randrange(13, len(whole))] ^= 1 << drawn.randrange(8)
+        path.write_bytes(damaged)
+        for read in (lambda: list(messages_of(path)), lambda: topics_of(path)):
+            try:
+                read()
+            except RecordingError as error:
+                faults.append(str(error))
+    assert len(faults) > 20
+    assert all(line.startswith(f"{path} is not a complete bag: ") for line in faults)

@@ -207,7 +207,7 @@ def topics_of(path: Path) -> set[str]:
         with rosbag.Bag(str(path)) as bag:
             return set(bag.get_type_and_topic_info().topics)
     except _bag_errors() as error:
-        raise RecordingError(f"{path} is not a complete bag: {error}") from None
+        raise _named(path, error) from None
 
 
 def salvaged(path: Path, losses: Losses) -> Iterator[Message]:
@@ -377,11 +377,24 @@ def _of_bag(path: Path) -> Iterator[Message]:
                     kinds[key] = Kind(raw[0], raw[2], definition, latching, sender)
                 yield Message(topic, kinds[key], time.to_nsec(), raw[1])
     except _bag_errors() as error:
-        raise RecordingError(f"{path} is not a complete bag: {error}") from None
+        raise _named(path, error) from None
+
+
+def _named(path: Path, error: Exception) -> Exception:
+    """Returns what to raise for an error of rosbag: the same for a file that cannot be read, else one with its name."""
+    if isinstance(error, OSError) and error.errno is not None:
+        return error
+    reason = str(error) or type(error).__name__
+    return RecordingError(
+        f"{path} is not a complete bag: {reason} (./pioneer replay FILE --repair NEW writes what can be read)"
+    )
 
 
 def _bag_errors() -> tuple[type[Exception], ...]:
     """Returns what rosbag raises for bags that it cannot read."""
     import rosbag
 
-    return (rosbag.ROSBagException, struct.error, UnicodeDecodeError, ValueError, KeyError)
+    return (
+        rosbag.ROSBagException, struct.error, ValueError, KeyError, OverflowError, MemoryError,
+        OSError, EOFError, RuntimeError,  # of bz2 and lz4
+    )  # fmt: skip
