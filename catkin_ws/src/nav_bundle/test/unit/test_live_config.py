@@ -2,7 +2,7 @@
 
 import pytest
 
-from nav_bundle.costmap.config import InflationConfig
+from nav_bundle.costmap.config import InflationConfig, costmap_config_from_parameters
 from nav_bundle.localisation.config import AmclConfig
 from nav_bundle.move_base.config import changed_parameters, setup_from_parameters
 from pioneer_node.core.live import live_parameters, live_values
@@ -151,3 +151,10 @@ def test_every_name_of_noetics_amcl_can_be_changed() -> None:
 def test_a_costmaps_size_is_a_whole_number_of_metres_to_clients(costmap: str) -> None:
     held = live_values(changed(costmap, width=7).live_configs()[costmap])
     assert (held["width"], type(held["width"]), type(held["height"])) == (7, int, int)
+
+
+@pytest.mark.parametrize("size", [{"width": 2e6, "height": 2e6}, {"resolution": 1e-7}])
+def test_a_costmap_of_terabytes_is_refused_before_it_is_built(size: dict[str, float]) -> None:
+    """A reconfiguration to such a size ended in a MemoryError, half adopted."""
+    with pytest.raises(ParameterError, match=r"~width, ~height and ~resolution give .* cells"):
+        costmap_config_from_parameters(size, "/move_base/local_costmap")

@@ -284,10 +284,19 @@ def _short(kind: Any) -> str:
     return str(kind).split("::")[-1]
 
 
+MOST_CELLS = 10**8
+"""Maximum number of cells of a costmap by its parameters: each layer then takes 100 MB. Maps may have more."""
+
+
 def _check(config: CostmapConfig, owner: str) -> None:
     for name in ("resolution", "width", "height", "update_frequency"):
         if getattr(config, name) <= 0.0:
             raise ParameterError(f"{owner}: ~{name} must be positive, not {getattr(config, name)}")
+    cells = config.width / config.resolution * (config.height / config.resolution)
+    if cells > MOST_CELLS:
+        raise ParameterError(
+            f"{owner}: ~width, ~height and ~resolution give {cells:.3g} cells, above {MOST_CELLS:.0e}"
+        )
     footprint_from_parameters(config.footprint, config.robot_radius, config.footprint_padding)
 
 
