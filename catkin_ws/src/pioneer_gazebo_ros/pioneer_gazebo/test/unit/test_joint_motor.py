@@ -93,6 +93,19 @@ def test_a_held_arm_does_not_sag_and_holds_where_it_was_spawned_after_a_reset(si
     assert position(simulation, entity, "pitch").position == pytest.approx(0.0, abs=1e-3)
 
 
+def test_a_position_controller_without_a_command_holds_its_joint_where_it_was_put(simulate):
+    """It drew the joint to 0, and so undid what ``spawn_model -J`` had set."""
+    simulation = simulate()
+    robot = with_controller(
+        arm(), type="position_controllers/JointPositionController", joint="pitch"
+    )
+    entity = spawned(simulation, robot)
+    advance(simulation, 0.5)
+    simulation.set_joint(entity, "pitch", -0.8)
+    advance(simulation, 10.0)
+    assert position(simulation, entity, "pitch").position == pytest.approx(-0.8, abs=1e-3)
+
+
 def test_a_velocity_controller_turns_its_joint_until_the_next_command(simulate):
     simulation = simulate()
     robot = with_controller(arm(), type="velocity_controllers/JointVelocityController", joint="pan")

@@ -101,7 +101,7 @@ class JointMotors:
             self.targets = values
 
     def reset(self) -> None:
-        """Clears all commands; joints are held where they were when the robot was spawned."""
+        """Clears all commands; joints are held where they are then."""
         self.commands.clear()
         self.targets = ()
 
@@ -113,21 +113,28 @@ class JointMotors:
                 if effort:
                     push_joint(engine, self.handle, self.body, part, self._limited(part, effort))
             return not any(targets)
-        joints = [_joint(self.body, part) for part in self.parts]
         if self.config.kind == POSITION:
-            readings = engine.joints(self.handle, self.parts)
-            speeds = [
-                _bounded(joint, APPROACH * _way(joint, target, position) / step)
-                for joint, target, (position, _) in zip(joints, targets, readings, strict=True)
-            ]
-            efforts = [STRONGEST] * len(joints)
+            speeds = self._speeds_to(self.targets, engine, step)
+            efforts = [STRONGEST] * len(self.parts)
         else:
             speeds = [
-                _bounded(joint, target) for joint, target in zip(joints, targets, strict=True)
+                _bounded(_joint(self.body, part), target)
+                for part, target in zip(self.parts, targets, strict=True)
             ]
             efforts = [self._limited(part, STRONGEST) for part in self.parts]
         engine.turn(self.handle, self.parts, speeds, efforts)
         return all(abs(speed) * step < REACHED for speed in speeds)
+
+    def _speeds_to(self, targets: Sequence[float], engine: Engine, step: float) -> list[float]:
+        """Returns the speeds for the next ``step`` [s] towards target positions; without targets, joints stay."""
+        if not targets:
+            return [0.0] * len(self.parts)
+        joints = [_joint(self.body, part) for part in self.parts]
+        readings = engine.joints(self.handle, self.parts)
+        return [
+            _bounded(joint, APPROACH * _way(joint, target, position) / step)
+            for joint, target, (position, _) in zip(joints, targets, readings, strict=True)
+        ]
 
     def _limited(self, part: int, effort: float) -> float:
         """Returns an effort within its joint's limit; as wheels without a usable limit move, 0 is none."""
