@@ -576,6 +576,29 @@ def test_a_base_with_mecanum_wheels_moves_sideways_within_its_limits_and_stops_w
     assert simulation.velocity(entity).linear[1] == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("linear", "note"),
+    [
+        (5, "omni/linear is ignored"),
+        ({"y": 5}, "omni/linear/y is ignored"),
+        (
+            {"y": {"has_acceleration_limits": True, "max_acceleration": 1, "min_acceleration": 2}},
+            "omni/linear/y/min_acceleration is ignored",
+        ),
+        (
+            {"y": {"has_velocity_limits": True, "max_velocity": 1, "min_velocity": 3}},
+            "omni/linear/y/min_velocity is ignored",
+        ),
+    ],
+)
+def test_limits_that_limit_nothing_are_left_out_by_name(linear: Any, note: str) -> None:
+    """A lower bound above 0 of the acceleration sped a base up for ever; a number for a group ended the spawner."""
+    values = yaml.safe_load(MECANUM) | {"linear": linear}
+    [config], notes = controlled(rover(CONTROL), {"omni": values})
+    assert [line.partition(":")[0] for line in notes] == [note]
+    assert config.leftLimits.towards(1.0, 0.0, 0.1) < 1.0
+
+
 COB = """
 twist_controller: {type: cob_omni_drive_controller/WheelController, timeout: 0.5, wheels: [a, b]}
 odometry_controller: {type: cob_omni_drive_controller/OdometryController, publish_rate: 25, frame_id: odom_combined,

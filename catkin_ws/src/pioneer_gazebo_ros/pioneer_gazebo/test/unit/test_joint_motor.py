@@ -221,3 +221,19 @@ def test_a_controller_of_an_unknown_or_fixed_joint_is_left_out_and_the_robot_spa
     [line] = notes
     assert line.startswith(f"bad/joint: unknown joint '{joint}'")
     assert line.endswith("the controller is left out")
+
+
+def test_a_joint_that_follows_itself_by_a_plugin_is_left_out_by_name():
+    """It turned at 100 rad/s for ever."""
+    plugin = """<gazebo><plugin name="m" filename="libroboticsgroup_gazebo_mimic_joint_plugin.so">
+    <joint>pan</joint><mimicJoint>pan</mimicJoint><multiplier>2</multiplier></plugin></gazebo>"""
+    robot = arm(extra=plugin)
+    assert not robot.of(MimicJoint)
+    assert any("a joint cannot follow itself" in line for line in robot.warnings)
+
+
+def test_a_joint_of_two_controllers_is_named():
+    one = {"type": "position_controllers/JointPositionController", "joint": "pan"}
+    devices, notes = controlled(arm(), {"one": one, "two": one})
+    assert sum(isinstance(device, JointControl) for device in devices) == 2
+    assert notes == ["joint pan has several controllers: the last one moves it"]

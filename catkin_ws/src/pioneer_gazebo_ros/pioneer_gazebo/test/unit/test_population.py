@@ -194,3 +194,48 @@ def test_an_empty_population_name_is_refused_by_strict_readers():
         world_from_sdf_text(
             "<sdf version='1.6'><world name='w'><population name='p'/></world></sdf>"
         )
+
+
+@pytest.mark.parametrize(
+    "physics",
+    [
+        "<max_step_size>-0.001</max_step_size>",
+        "<max_step_size>-1</max_step_size><real_time_update_rate>-1</real_time_update_rate>",
+        "<real_time_update_rate>0</real_time_update_rate><real_time_factor>-5</real_time_factor>",
+        "<max_step_size>1</max_step_size><real_time_update_rate>1e9</real_time_update_rate>",
+    ],
+)
+def test_a_factor_of_a_world_that_is_refused_is_not_taken(physics):
+    """It was named as ignored, and taken: as fast as possible."""
+    found = world(f"<physics type='ode'>{physics}</physics>{CRATE}")
+    assert found.real_time_factor is None
+    assert any("it is ignored" in line for line in found.warnings)
+
+
+@pytest.mark.parametrize(
+    "region",
+    [
+        "<box><size>1e308 1 1</size></box>",
+        "<box><size>-4 2 1</size></box>",
+        "<cylinder><radius>1e308</radius><length>1</length></cylinder>",
+    ],
+)
+@pytest.mark.parametrize("kind", ["random", "uniform"])
+def test_a_population_in_an_impossible_region_is_left_out(region, kind):
+    """Copies in a cylinder of 1e308 m were sought for ever; a box of such a width ended the simulator."""
+    found = population(f"<type>{kind}</type>", region)
+    assert found.models == ()
+    assert any("must be 0 to 100000 m wide" in line for line in found.warnings)
+
+
+@pytest.mark.parametrize(
+    "polygon",
+    [
+        [(0, 0), (1, 0), (1, 1), (2, 1), (2, 2), (1, 2), (1, 1), (0, 1)],
+        [(0, 0), (1, 0), (0, 0), (0, 1)],
+    ],
+)
+def test_a_polygon_that_comes_to_a_point_twice_is_refused(polygon):
+    """The second visit was left out, which made another shape."""
+    with pytest.raises(ValueError, match="comes to a point twice"):
+        prism([(float(x), float(y)) for x, y in polygon], 1.0)

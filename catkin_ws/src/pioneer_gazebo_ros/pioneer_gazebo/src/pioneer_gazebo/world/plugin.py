@@ -258,6 +258,8 @@ def _mimic(element: Element, names: Names, notes: Notes) -> MimicJoint:
     mimic: MimicJoint = filled(MimicJoint, element, notes, _MIMIC_QUIET)
     names.check(element, "joint", mimic.joint)
     names.check(element, "joint", mimic.mimicJoint)
+    if mimic.joint == mimic.mimicJoint:
+        raise element.error("a joint cannot follow itself")
     return mimic
 
 

@@ -8,7 +8,7 @@ Point = tuple[float, float]
 
 Corner = tuple[float, float, float]
 
-CORNERS_AT_MOST = 1000
+CORNERS_AT_MOST = 300
 """A polygon with more corners takes too long to divide into triangles."""
 
 
@@ -20,9 +20,11 @@ def prism(polygon: Sequence[Point], height: float) -> tuple[Corner, ...]:
         height: above 0 [m].
 
     Raises:
-        ValueError: the polygon has fewer than three corners, too many, no area, or crosses itself.
+        ValueError: the polygon has fewer than three corners, too many, no area, or meets itself.
     """
-    corners = list(dict.fromkeys(polygon))
+    corners = [point for index, point in enumerate(polygon) if point != polygon[index - 1]]
+    if len(set(corners)) < len(corners):
+        raise ValueError("comes to a point twice")
     if not 3 <= len(corners) <= CORNERS_AT_MOST:
         raise ValueError(f"needs 3 to {CORNERS_AT_MOST} different points (got {len(corners)})")
     if _crosses_itself(corners):

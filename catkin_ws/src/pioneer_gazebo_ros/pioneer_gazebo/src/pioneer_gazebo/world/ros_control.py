@@ -2,6 +2,7 @@
 
 import difflib
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -70,11 +71,26 @@ def controlled(owner: Robot | Model, parameters: Any) -> tuple[tuple[Device, ...
         elif isinstance(kind, str) and "controller" in kind.lower() and kind != COB_ODOMETRY:
             notes.append(f"controller {name} of type {kind} is not supported and ignored")
     kept = [device for device in owner.devices if not isinstance(device, RosControl)]
+    if len(kept) < len(owner.devices) - 1:
+        notes.append("libgazebo_ros_control.so is there more than once: the first one is used")
+    notes += _shared_joints(devices)
     if not any(isinstance(device, MOVING) for device in (*kept, *devices)):
         notes.append(
             f"libgazebo_ros_control.so drives nothing: load the YAML of a {DIFF_DRIVE} before spawning"
         )
     return (*kept, *devices), notes
+
+
+def _shared_joints(devices: Sequence[Any]) -> list[str]:
+    """Returns a note for each joint that several controllers move, or one controller twice."""
+    names = [
+        name for device in devices if isinstance(device, JointControl) for name in device.jointName
+    ]
+    return [
+        f"joint {name} has several controllers: the last one moves it"
+        for name, count in Counter(names).items()
+        if count > 1
+    ]
 
 
 class _Settings:
@@ -123,18 +139,34 @@ class _Settings:
 
     def limits(self, group: str, axis: str) -> Limits:
         """Returns the limits of one axis; as in ros_control, a lower bound defaults to the negated upper bound."""
-        outer = self.get(group, {})
-        inner = _Settings(f"{self.name}/{group}/{axis}", outer.get(axis, {}), self.notes)
+        outer = self._mapping(self.name, group, self.get(group, {}))
+        own = self._mapping(f"{self.name}/{group}", axis, outer.get(axis, {}))
+        inner = _Settings(f"{self.name}/{group}/{axis}", own, self.notes)
         bounds = []
         for kind in ("velocity", "acceleration"):
             if inner.get(f"has_{kind}_limits", False):
                 most = inner.number(f"max_{kind}", math.nan)
-                bounds += [inner.number(f"min_{kind}", -most, -math.inf), most]
+                least = inner.number(f"min_{kind}", -most, -math.inf)
+                if least > most or (kind == "acceleration" and least >= 0):
+                    self.notes.append(
+                        f"{inner.name}/min_{kind} is ignored: {least:g} is no lower bound beside {most:g}"
+                    )
+                    least = -most
+                bounds += [least, most]
             else:
                 bounds += [-math.inf, math.inf]
         if inner.get("has_jerk_limits", False):
             self.notes.append(f"{inner.name}/has_jerk_limits is not supported and ignored")
         return Limits(*bounds)
+
+    def _mapping(self, name: str, key: str, value: Any) -> Mapping[str, Any]:
+        """Returns a value that must hold parameters; any other is noted and left out."""
+        if isinstance(value, Mapping):
+            return value
+        note = f"{name}/{key} is ignored: it must hold parameters, not {value!r}"
+        if note not in self.notes:  # a group is read for each of its axes
+            self.notes.append(note)
+        return {}
 
     def diagonal(self, key: str) -> Diagonal:
         """Returns the diagonal of a covariance matrix; one that is invalid is noted and left out."""

@@ -162,20 +162,28 @@ def _real_time_factor(world: Element, scope: Scope) -> float | None:
     given = ("max_step_size", "real_time_update_rate", "real_time_factor")
     if physics is None or not any(physics.child(tag) for tag in given):
         return None
-    factor = None
     with scope.leaving_out():
-        step = physics.number("max_step_size", 0.001)
-        rate = physics.number("real_time_update_rate", 1000.0)
-        factor = step * rate
-        if factor == 0.0:
-            factor = physics.number("real_time_factor", 0.0)
-        if not 0 <= factor <= FASTEST:
-            raise physics.error(f"real-time factor must be 0 … {FASTEST:g} (got {factor:g})")
-        if physics.child("max_step_size") is not None:
-            scope.notes.count(
-                physics, f"<physics>: real-time factor {factor:g}; steps are the simulator's own,"
-                f" not {step:g} s (~physics_rate)",
-            )  # fmt: skip
+        return _factor(physics, scope.notes)
+    return None
+
+
+def _factor(physics: Element, notes: Notes) -> float:
+    step = physics.number("max_step_size", 0.001)
+    rate = physics.number("real_time_update_rate", 1000.0)
+    if step < 0 or rate < 0:
+        raise physics.error(
+            f"real-time factor must be 0 … {FASTEST:g}: neither step {step:g} nor update rate {rate:g} may be negative"
+        )
+    factor = step * rate
+    if factor == 0.0:
+        factor = physics.number("real_time_factor", 0.0)
+    if not 0 <= factor <= FASTEST:
+        raise physics.error(f"real-time factor must be 0 … {FASTEST:g} (got {factor:g})")
+    if physics.child("max_step_size") is not None:
+        notes.count(
+            physics,
+            f"<physics>: real-time factor {factor:g}; steps are the simulator's own, not {step:g} s (~physics_rate)",
+        )
     return factor
 
 

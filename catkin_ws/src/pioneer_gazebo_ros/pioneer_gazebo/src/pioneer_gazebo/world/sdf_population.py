@@ -10,6 +10,9 @@ from pioneer_gazebo.world.pose import Pose, Vector
 MOST = 10_000
 """Maximum number of models of a population."""
 
+FARTHEST = 1e5
+"""Maximum width of the region of a population [m]."""
+
 KINDS = ("random", "uniform", "grid", "linear-x", "linear-y", "linear-z")
 
 
@@ -65,6 +68,8 @@ def _in_region(element: Element, kind: str) -> Iterator[Vector]:
         size = 2 * radius, 2 * radius, cylinder.positive("length")
     else:
         raise element.error("needs a <box> or a <cylinder>")
+    if not 0 <= min(size) <= max(size) <= FARTHEST:
+        raise element.error(f"box or cylinder must be 0 to {FARTHEST:g} m wide, not {size}")
     if kind == "random":
         yield from _random(chance, count, size, radius)
     elif kind == "uniform":
