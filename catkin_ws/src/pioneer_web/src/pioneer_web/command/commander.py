@@ -78,7 +78,7 @@ class Commander:
         self._seeks = rospy.Publisher("/replay/seek", Float64, queue_size=1)
         self._kept = KeptParameter(HELD, [])
         before = self._kept.value
-        self._held_before = set(map(str, before if isinstance(before, list) else []))
+        self._held_before = frozenset(map(str, before if isinstance(before, list) else []))
         self._due: dict[str, list[Pose]] = {}
         self._replacing = threading.Lock()
         self._boxes = itertools.count(1)
@@ -93,8 +93,9 @@ class Commander:
         self._publishers |= {robot.name: _advertise(robot.name) for robot in robots}
         for robot in robots:
             robot.held = robot.name in self._held_before
-            self._held_before.discard(robot.name)
         self._robots = self._robots | {robot.name: robot for robot in robots}
+        # Afterwards: a stop in another thread keeps those that are in either.
+        self._held_before = self._held_before - {robot.name for robot in robots}
         if any(robot.held for robot in robots):
             with self._changed:
                 self._changed.notify()
